@@ -1,0 +1,44 @@
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+
+.DEFAULT_GOAL := help
+.PHONY: help run test live lint format bench clean
+
+help: ## show these targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+$(VENV)/core: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet -c constraints.txt -e .
+	touch $@
+
+$(VENV)/test: $(VENV)/core
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[test,train,view]'
+	touch $@
+
+$(VENV)/dev: $(VENV)/test
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[test,train,view,dev]'
+	touch $@
+
+run: $(VENV)/core ## fly Hard-I, everything simulated behind its real wire
+	$(BIN)/perch-hil run hard-i || test $$? -eq 1
+
+test: $(VENV)/test ## run the test suite
+	$(BIN)/python -m pytest -n 2 -m "not live"
+
+live: $(VENV)/test ## test the live host, in real time: on a machine that does nothing else
+	$(BIN)/python -m pytest -m live
+
+lint: $(VENV)/dev ## ruff, format and pyright, as pre-commit runs them
+	$(BIN)/pre-commit run --all-files --show-diff-on-failure
+
+format: $(VENV)/dev ## let ruff mend what it can
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/test ## real-time factors, renderer, detector and kernel speeds of this machine
+	$(BIN)/python -m benchmarks
+
+clean: ## remove the virtual environment and caches (not the runs)
+	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache

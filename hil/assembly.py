@@ -1,0 +1,226 @@
+"""Scenario + rig + drawn numbers -> any one node of a run. Every node can be built by itself, in a process of its own:
+nothing is shared between two of them but the wires, which are the host's business.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from groundcar.follower import Follower
+from groundcar.scout_link import ScoutLink
+from groundcar.scout_params import load_scout
+from groundcar.scout_sim import ScoutSim
+from hil.gate import Gate
+from hil.node import Node
+from hil.nodes.belief import BeliefNode
+from hil.nodes.camera_model import CameraModel
+from hil.nodes.camera_sim import CameraSim
+from hil.nodes.car import CarDevice, CarFollower, CarLink
+from hil.nodes.detector import Detector
+from hil.nodes.director import Director
+from hil.nodes.mocap import MocapNode
+from hil.nodes.policy import PolicyNode
+from hil.nodes.referee import Referee
+from hil.nodes.vehicle import VehicleDevice, VehicleLink
+from hil.platform_motion import hover_start, motion_aux, start_parameter, start_platform
+from hil.rig import Rig
+from kernel.random import stream
+from policies.belief import BoardFilter
+from policies.contact import ContactRules
+from policies.fly import FlyingPolicy
+from scenarios.draw import Drawn
+from scenarios.spec import Scenario
+from vehicle import airframe as af
+from vehicle.apriltag import BoardDetector
+from vehicle.board import Board
+from vehicle.camera import Camera
+from vehicle.mocap import Mocap
+from vehicle.observation_noise import BIAS_DIM, measured_noise, paper_noise
+from vehicle.px4_link import Px4Link
+from vehicle.px4_link_types import LinkConfig, Signing
+from vehicle.px4_sim import Px4Sim
+from vehicle.render import Renderer
+from vehicle.render_sensor import Sensor
+from vehicle.rotations import from_rotation_vector
+from vehicle.wind import Wind
+
+PREPARE_LIMIT_NS = 90_000_000_000
+_MS = 1_000_000
+
+
+class Wires(Protocol):
+    """The host's wires: the driver's and the simulated device's end of each, opened when asked for."""
+
+    def vehicle_link(self) -> Any: ...
+    def vehicle_device(self) -> Any: ...
+    def car_link(self) -> Any: ...
+    def car_device(self) -> Any: ...
+
+
+def node_names(rig: Rig) -> tuple[str, ...]:
+    """The nodes of a run with `rig`, in the order in which they act within one instant."""
+    absent = {
+        "car_device": rig.groundcar.kind != "sim",
+        "vehicle_device": rig.vehicle.kind != "sim",
+        "detector": rig.camera.source != "pictures",
+    }
+    order = (
+        "car_device", "vehicle_device", "mocap", "director", "referee", "car_follower", "car_link", "camera",
+        "detector", "vehicle_link", "belief", "policy",
+    )  # fmt: skip
+    return tuple(name for name in order if not absent.get(name, False))
+
+
+class Assembly:
+    """Builds the nodes of one run. `stopwatch` (ns) is given by hosts in which a detection costs real time."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        rig: Rig,
+        drawn: Drawn,
+        make_policy: Callable[[], FlyingPolicy],
+        wires: Wires,
+        stopwatch: Callable[[], int] | None = None,
+        unix_ns: int = 0,
+    ) -> None:
+        """`unix_ns`: the date (Unix time) at which the run begins, for signatures on a real vehicle's link."""
+        self._scenario, self._rig, self._drawn = scenario, rig, drawn
+        self._make_policy, self._wires, self._stopwatch = make_policy, wires, stopwatch
+        self._unix_ns = unix_ns
+        self._frame = af.load_airframe(rig.vehicle.airframe)
+        tilt = math.radians(self._frame.camera.tilt_deg) + drawn.camera_tilt_offset
+        self._true_camera = Camera(offset=self._frame.camera.offset, tilt=tilt)
+        self.camera = replace(self._true_camera, tilt=tilt + drawn.camera_tilt_error)  # the calibrated one
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The run's nodes, in the order in which they act within one instant."""
+        return node_names(self._rig)
+
+    def node(self, name: str) -> Node:
+        """A fresh node of that name. Raises ValueError if this rig has none, and what its builder raises."""
+        if name not in self.names:
+            raise ValueError(f"this rig has no node {name!r}; it has {', '.join(self.names)}")
+        return getattr(self, f"_{name}")()
+
+    def _vehicle_device(self) -> VehicleDevice:
+        drawn, frame = self._drawn, self._frame
+        x, y, _, yaw = self._start()
+        params = frame.params_row()
+        params[af.MASS] *= drawn.mass_factor
+        params[af.INERTIA : af.INERTIA + 3] *= drawn.inertia_factor
+        params[af.MOTOR_THRUST] *= drawn.mass_factor * drawn.thrust_to_weight_factor * drawn.thrust_gain
+        wire = self._wires.vehicle_device()
+        sim = Px4Sim({"api": wire}, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, params_row=params)
+        return VehicleDevice(sim, self._wind())
+
+    def _wind(self) -> Wind | None:
+        wind = self._scenario.wind
+        if wind.gust == 0.0 and not any(wind.mean):
+            return None
+        return Wind(wind.mean, wind.gust, wind.gust_time, self._drawn.wind_seed)
+
+    def _vehicle_link(self) -> VehicleLink:
+        slot, real = self._rig.vehicle, self._rig.vehicle.kind != "sim"
+        steepest = math.radians(self._scenario.board.inclination_deg)
+        config = LinkConfig(start=self._start(), hover_thrust=self._frame.hover_thrust, steepest=steepest)
+        if real:
+            config = replace(config, clock_drift=slot.clock_drift, signing=_signing(slot.signing_key, self._unix_ns))
+        seen_by_simulation = real and "sim" in (self._rig.camera.kind, self._rig.mocap.kind)
+        return VehicleLink(Px4Link(self._wires.vehicle_link(), config), Gate(self._rig.gate), seen_by_simulation)
+
+    def _start(self) -> tuple[float, float, float, float]:
+        return hover_start(self._scenario, self._drawn, load_scout().follower.acceleration)
+
+    def _car_device(self) -> CarDevice:
+        board, platform = self._scenario.board, start_platform(self._scenario, self._drawn)
+        pose = (float(platform[0]), float(platform[1]), float(platform[3]))
+        sim = ScoutSim(self._wires.car_device(), seed=self._drawn.car_seed, pose=pose)
+        return CarDevice(sim, board.height, math.radians(board.inclination_deg))
+
+    def _car_link(self) -> CarLink:
+        return CarLink(ScoutLink(self._wires.car_link()))
+
+    def _car_follower(self) -> CarFollower:
+        aux = motion_aux(self._scenario, self._drawn)
+        start = start_parameter(self._scenario, self._drawn, aux)
+        return CarFollower(Follower(aux, start, stream(self._drawn.speed_seed)))
+
+    def _mocap(self) -> MocapNode:
+        if self._rig.mocap.kind != "sim":
+            raise ValueError("motion capture of kind vrpn: this version has no client for it; use kind sim")
+        slot, seed = self._rig.mocap, self._drawn.mocap_seed
+        return MocapNode(Mocap(seed), Mocap(seed + 1), slot.rate_hz, round(slot.delay_ms * _MS))
+
+    def _director(self) -> Director:
+        return Director(round(self._scenario.car.lead * 1e9), PREPARE_LIMIT_NS)
+
+    def _referee(self) -> Referee:
+        return Referee(_rules(self._scenario, self._frame), math.radians(self._scenario.board.inclination_deg))
+
+    def _camera(self) -> Node:
+        slot, drawn, rate = self._rig.camera, self._drawn, self._scenario.camera.rate
+        if slot.kind != "sim":
+            raise ValueError(f"a camera of kind {slot.kind}: this version has no driver for it; use kind sim")
+        exposure_ns, transport_ns = round(slot.exposure_ms * _MS), round(slot.transport_ms * _MS)
+        if slot.source == "pictures":
+            renderer = Renderer(self._true_camera, self._board(), drawn.image_seed, Sensor(gain=slot.gain))
+            return CameraSim(renderer, rate, exposure_ns, transport_ns)
+        noise = paper_noise() if slot.model_noise == "paper" else measured_noise()
+        bias = np.zeros(BIAS_DIM)
+        bias[:3] = drawn.vision_position_bias
+        bias[3:] = from_rotation_vector(*drawn.vision_orientation_bias)
+        return CameraModel(
+            self._true_camera.row(),
+            noise,
+            bias,
+            stream(drawn.vision_seed),
+            rate,
+            exposure_ns // 2 + transport_ns,
+            round(slot.model_processing_ms * _MS),
+        )
+
+    def _detector(self) -> Detector:
+        return Detector(BoardDetector(self.camera, self._board()), self.camera.row(), self._stopwatch)
+
+    def _belief(self) -> BeliefNode:
+        return BeliefNode(BoardFilter())
+
+    def _policy(self) -> PolicyNode:
+        return PolicyNode(self._make_policy())
+
+    def _board(self) -> Board:
+        return Board(size=self._scenario.board.size)
+
+
+def _signing(path: str, unix_ns: int) -> Signing | None:
+    """The signing of the vehicle's link with the key in the file `path`; None without one."""
+    if not path:
+        return None
+    try:
+        key = Path(path).read_bytes()
+    except OSError as error:
+        raise ValueError(f"{path}: the signing key cannot be read: {error.strerror}") from None
+    return Signing(key=key, epoch_ns=unix_ns)
+
+
+def _rules(scenario: Scenario, frame: af.Airframe) -> ContactRules:
+    tolerance, space = scenario.tolerance, scenario.workspace
+    return ContactRules(
+        robot_l=frame.contact.magnet_below,
+        robot_r=frame.contact.footprint_radius,
+        delta_d=tolerance.distance,
+        delta_v=tolerance.tangential_speed,
+        delta_theta=tolerance.angle,
+        ground_z=space.z[0],
+        workspace_xy=max(abs(limit) for limit in (*space.x, *space.y)),
+        workspace_z=space.z[1],
+        time_limit=scenario.time_limit,
+    )

@@ -1,0 +1,300 @@
+"""The bus between processes: a Zenoh hub on an explicit endpoint and client leaves. Nothing scouts, nothing is found by
+chance. Who may read a topic is asked of `hil/topics.py` at every subscription, and by the hub's access list over TLS.
+
+A message travels as the protobuf bytes of `hil/codec.py`, with the publisher's time and running number beside it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import struct
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import zenoh
+
+from hil.codec import CodecError, codec
+from hil.topics import TOPICS, may_read
+
+TOPIC, CONTROL, HEALTH, CLOCK = "perch/topic/", "perch/control", "perch/health/", "perch/clock"
+OBSERVERS = ("recorder", "supervisor", "status")  # of the harness, never of a slot: they read every topic
+PICTURES = "camera/image"
+_DEPTH = 256  # messages kept of a topic while its reader is busy; pictures: the newest only
+_STAMP = struct.Struct("<qQ")
+
+
+class BusError(RuntimeError):
+    """The bus cannot be used; the text says why and how to mend it."""
+
+
+class Credentials(NamedTuple):
+    """Files of one identity (PEM): the authority's certificate, own certificate, own key."""
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+
+class Letter(NamedTuple):
+    """A message as it came. `published_ns` is the run's time by the publisher's clock."""
+
+    topic: str
+    published_ns: int
+    sequence: int
+    message: Any
+
+
+def _settings(**values: Any) -> zenoh.Config:
+    config = zenoh.Config()
+    for key, value in {
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/shared_memory/enabled": True,
+        # room for a moment in which a process is not scheduled; with the default of 2 messages are lost by then
+        "transport/link/tx/queue/size/real_time": 16,
+        "transport/link/tx/queue/size/data": 16,
+        "transport/link/tx/queue/batching/time_limit": 0,
+        **values,
+    }.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _tls(credentials: Credentials | None, side: str) -> dict[str, Any]:
+    if credentials is None:
+        return {}
+    return {
+        "transport/link/tls/root_ca_certificate": str(credentials.authority),
+        f"transport/link/tls/{side}_certificate": str(credentials.certificate),
+        f"transport/link/tls/{side}_private_key": str(credentials.key),
+        "transport/link/tls/enable_mtls": True,
+    }
+
+
+def open_hub(
+    endpoint: str, credentials: Credentials | None = None, access: dict[str, Any] | None = None
+) -> zenoh.Session:
+    """The hub, listening on `endpoint` (tcp/HOST:PORT, or tls/HOST:PORT with credentials). Raises BusError.
+
+    `access` is an access-control table (see hil/keys.py). The hub also answers questions for its clock.
+    """
+    more: dict[str, Any] = {} if access is None else {"access_control": access}
+    more |= _tls(credentials, "listen")
+    try:
+        session = zenoh.open(_settings(mode="router", **{"listen/endpoints": [endpoint]}, **more))
+    except zenoh.ZError as error:
+        raise BusError(
+            f"the hub cannot listen on {endpoint} ({str(error).splitlines()[0][:160]}): is another hub or program on "
+            "that port? Stop it, or give another with --listen"
+        ) from None
+
+    def answer(query: zenoh.Query) -> None:
+        query.reply(CLOCK, _STAMP.pack(time.monotonic_ns(), 0), attachment=boot_id())
+
+    session.declare_queryable(CLOCK, zenoh.handlers.Callback(answer, indirect=False))
+    return session
+
+
+def boot_id() -> bytes:
+    """Names this boot of this machine: processes that share it share the monotonic clock."""
+    return Path("/proc/sys/kernel/random/boot_id").read_bytes().strip()
+
+
+class Mailbox:
+    """Letters for one service. Callbacks only append; the newest picture wins; `wait` sleeps until something comes."""
+
+    def __init__(self, depth: int = _DEPTH, pictures: int = 1) -> None:
+        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted."""
+        self._depth, self._pictures = depth, pictures
+        self._queues: dict[str, deque[tuple[int, bytes, bytes]]] = {}
+        self._arrivals = 0
+        self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.dropped: dict[str, int] = {}
+        self.lost: dict[str, int] = {}  # numbers missing in what arrived
+        self.garbage = 0
+        self._expected: dict[str, int] = {}
+
+    def put(self, topic: str, payload: bytes, stamp: bytes) -> None:
+        """Called by the bus's threads."""
+        queue = self._queues.get(topic)
+        if queue is None:
+            queue = self._queues.setdefault(topic, deque(maxlen=self._pictures if topic == PICTURES else self._depth))
+        if len(queue) == queue.maxlen:
+            self.dropped[topic] = self.dropped.get(topic, 0) + 1
+        self._arrivals += 1
+        queue.append((self._arrivals, payload, stamp))
+        self.wake()
+
+    def wake(self) -> None:
+        """End a `wait` now."""
+        with suppress(BlockingIOError, OSError):
+            os.eventfd_write(self._fd, 1)
+
+    def wait(self, timeout_ns: int) -> None:
+        """Sleep until a letter comes, at most `timeout_ns`."""
+        select.select([self._fd], [], [], max(0, timeout_ns) * 1e-9)
+        with suppress(BlockingIOError):
+            os.eventfd_read(self._fd)
+
+    def drain(self) -> list[Letter]:
+        """What has come, in the order of arrival. What is no message of its topic is counted in `garbage`."""
+        found: list[tuple[int, str, bytes, bytes]] = []
+        for topic, queue in list(self._queues.items()):
+            while queue:
+                arrival, payload, stamp = queue.popleft()
+                found.append((arrival, topic, payload, stamp))
+        return [letter for item in sorted(found) if (letter := self._open(*item)) is not None]
+
+    def _open(self, _: int, topic: str, payload: bytes, stamp: bytes) -> Letter | None:
+        try:
+            published_ns, sequence = _STAMP.unpack(stamp)
+            message = codec(TOPICS[topic].message).decode(payload)
+        except (struct.error, CodecError, KeyError):
+            self.garbage += 1
+            return None
+        gap = sequence - self._expected.get(topic, sequence)
+        if gap > 0 and topic != "event":  # events have several publishers
+            self.lost[topic] = self.lost.get(topic, 0) + gap
+        self._expected[topic] = sequence + 1
+        return Letter(topic, published_ns, sequence, message)
+
+    def close(self) -> None:
+        """Free the descriptor."""
+        with suppress(OSError):
+            os.close(self._fd)
+
+
+class Publisher:
+    """One topic's publisher; numbers what it sends from 0."""
+
+    def __init__(self, session: zenoh.Session, topic: str) -> None:
+        self._codec, self._sequence = codec(TOPICS[topic].message), 0
+        picture = topic == PICTURES
+        # not express: while a link is busy messages share a batch, so that its queue holds thousands instead of 16
+        # DROP: a reader that has stopped may cost itself letters, it may not hold up the hub and with it everybody
+        self._publisher = session.declare_publisher(
+            TOPIC + topic,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA if picture else zenoh.Priority.REAL_TIME,
+        )
+
+    def put(self, now_ns: int, message: Any) -> int:
+        """Publish; returns the message's number. Raises CodecError for a value the message cannot hold."""
+        sequence, self._sequence = self._sequence, self._sequence + 1
+        self._publisher.put(self._codec.encode(message), attachment=_STAMP.pack(now_ns, sequence))
+        return sequence
+
+
+class Bus:
+    """A leaf. Use as a context manager: a session left open can hang the process at exit."""
+
+    def __init__(self, endpoint: str, credentials: Credentials | None = None, timeout_s: float = 5.0) -> None:
+        """Connect to the hub at `endpoint`. Raises BusError if none answers within `timeout_s`."""
+        more = {"connect/endpoints": [endpoint], "connect/timeout_ms": round(timeout_s * 1000)}
+        try:
+            self._session = zenoh.open(_settings(mode="client", **more, **_tls(credentials, "connect")))
+        except zenoh.ZError:
+            hint = "" if credentials is None else ", or it does not accept this certificate"
+            raise BusError(f"no hub answers at {endpoint}: start one with `perch-hil hub`{hint}") from None
+        self._publishers: dict[str, Publisher] = {}
+
+    def publish(self, now_ns: int, topic: str, message: Any) -> int:
+        """Publish on `topic` at the run's time `now_ns`; returns the message's number."""
+        publisher = self._publishers.get(topic)
+        if publisher is None:
+            publisher = self._publishers[topic] = Publisher(self._session, topic)
+        return publisher.put(now_ns, message)
+
+    def announce(self, topics: Iterable[str]) -> None:
+        """Declare publishers beforehand, so that the first message costs no more than the next."""
+        for topic in topics:
+            self._publishers.setdefault(topic, Publisher(self._session, topic))
+
+    def subscribe(self, reader: str, topics: Iterable[str], mailbox: Mailbox) -> None:
+        """Letters of `topics` into `mailbox`. Raises BusError if the contract does not let `reader` read one."""
+        for topic in topics:
+            if topic not in TOPICS:
+                raise BusError(f"{reader} asks for topic {topic!r}, which hil/topics.py does not list")
+            if reader not in OBSERVERS and not may_read(reader, topic):
+                readers = ", ".join(TOPICS[topic].readers) or "nobody"
+                raise BusError(f"{reader} may not read {topic!r}: the contract allows {readers}")
+
+            def take(sample: zenoh.Sample, topic: str = topic) -> None:
+                stamp = sample.attachment
+                mailbox.put(topic, sample.payload.to_bytes(), stamp.to_bytes() if stamp is not None else b"")
+
+            self._listen(TOPIC + topic, take)
+
+    def ages(self, topics: Iterable[str], counts: dict[str, int] | None = None) -> dict[str, int]:
+        """A live table: topic -> monotonic ns of its last arrival; arrivals are counted in `counts`. Payloads are not
+        looked at."""
+        heard: dict[str, int] = {}
+        for topic in topics:
+
+            def note(_: zenoh.Sample, topic: str = topic) -> None:
+                heard[topic] = time.monotonic_ns()
+                if counts is not None:
+                    counts[topic] = counts.get(topic, 0) + 1
+
+            self._listen(TOPIC + topic, note)
+        return heard
+
+    def say(self, key: str, table: dict[str, Any]) -> None:
+        """Send a table of the harness's own (CONTROL, HEALTH + service): not part of the contract, not recorded."""
+        self._session.put(
+            key, json.dumps(table), priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.BLOCK, express=True,
+        )  # fmt: skip
+
+    def hear(self, key: str, take: Callable[[dict[str, Any]], None]) -> None:
+        """Call `take` (which must only store) with every table said on `key`; what is no table is ignored."""
+
+        def parse(sample: zenoh.Sample) -> None:
+            with suppress(ValueError):
+                table = json.loads(sample.payload.to_bytes())
+                if isinstance(table, dict):
+                    take(table)
+
+        self._listen(key, parse)
+
+    def clock_offset(self, tries: int = 15) -> tuple[int, int]:
+        """(the hub's monotonic clock less ours, half the best round trip that bounds its error), ns.
+
+        Exactly (0, 0) within one boot of one machine. Raises BusError if the hub does not answer.
+        """
+        best: tuple[int, int] | None = None
+        for _ in range(tries):
+            began = time.monotonic_ns()
+            for reply in self._session.get(CLOCK, timeout=1.0):
+                ended = time.monotonic_ns()
+                if reply.ok is None:
+                    continue
+                if reply.ok.attachment is not None and reply.ok.attachment.to_bytes() == boot_id():
+                    return 0, 0
+                theirs = _STAMP.unpack(reply.ok.payload.to_bytes())[0]
+                half = (ended - began) // 2
+                if best is None or half < best[1]:
+                    best = theirs - began - half, half
+        if best is None:
+            raise BusError("the hub does not tell its clock: is it a hub of perch-hil?")
+        return best
+
+    def _listen(self, key: str, take: Callable[[zenoh.Sample], None]) -> None:
+        self._session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
+
+    def close(self) -> None:
+        """Leave the bus; may be called twice."""
+        with suppress(zenoh.ZError):
+            self._session.close()
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,179 @@
+"""Flying one or many seeds from the command line: checks everything first, then flies, prints and counts."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from hil import provenance
+from hil.cli_live import live_lines
+from hil.console import json_row, published_row, run_table, seeds_table
+from hil.flight import Flight, fly
+from hil.interlock import Clearance, NotClearedError, clear_to_arm
+from hil.record import RecordingError
+from hil.rig import Rig, load_rig
+from hil.runs import RunError
+from hil.score import Score
+from hil.supervisor import SupervisorError
+from kernel import cache_is_cold
+from policies.contract import ContractError
+from policies.fly import FlyingPolicy, policy_factory
+from scenarios.draw import MAX_SEED
+from scenarios.spec import Scenario, load
+from scenarios.toml_errors import ConfigError
+from vehicle.airframe import load_airframe
+
+PERCHED, NOT_PERCHED, USAGE, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+class Plan:
+    """What was asked for, read and checked: nothing is written before this succeeds."""
+
+    def __init__(self, scenario: str, rig: str, policy: str | None, camera: str | None) -> None:
+        """Raises ConfigError, ContractError or ValueError: one line each."""
+        self.scenario: Scenario = load(scenario)
+        self.rig: Rig = load_rig(rig)
+        if camera is not None:
+            source = self.rig.camera.model_copy(update={"source": camera})
+            self.rig = self.rig.model_copy(update={"camera": source})
+        self.policy_name = policy or self.rig.policy.kind
+        airframe = load_airframe(self.rig.vehicle.airframe)
+        self.make_policy: Callable[[], FlyingPolicy] = policy_factory(self.policy_name, airframe)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line asked for. `remote` and `endpoint` are the live host's."""
+
+    scenario: str
+    rig: str
+    policy: str | None
+    camera: str | None
+    pictures: str
+    out: Path
+    checks: Path
+    override: str | None = None
+    as_json: bool = False
+    live: bool = False
+    remote: tuple[str, ...] = ()
+    endpoint: str | None = None
+
+
+def fly_seeds(request: Request, seeds: Sequence[int]) -> int:
+    """Fly every seed and print; returns the exit code of `perch-hil run`."""
+    notes = Console(stderr=True)
+    try:
+        plan = Plan(request.scenario, request.rig, request.policy, request.camera)
+        if seeds[-1] > MAX_SEED:
+            raise ConfigError(f"seed {seeds[-1]} is out of range: use 0 to {MAX_SEED}")
+        if not plan.rig.simulated and not request.live:
+            raise ConfigError(f'rig "{request.rig}" has real devices, which keep real time: add --live')
+    except (ConfigError, ContractError, ValueError) as error:
+        print(f"perch-hil: {error}", file=sys.stderr)
+        return USAGE
+    if cache_is_cold():
+        notes.print("First run on this machine: compiling kernels takes a minute or two, once.", style="yellow")
+    flights: list[Flight] = []
+    try:
+        code = provenance.code()
+        clearance = clear_to_arm(
+            request.rig, plan.rig, plan.policy_name, plan.scenario,
+            folder=request.checks, now=datetime.now(UTC), override=request.override,
+        )  # fmt: skip
+        for seed in seeds:
+            flight, summary = _fly_one(request, plan, seed, code, clearance, notes)
+            flights.append(flight)
+            _print(request, plan, flight, summary, notes, several=len(seeds) > 1)
+            if flight.interrupted:
+                break
+    except (RunError, RecordingError, NotClearedError, SupervisorError, provenance.ProvenanceError) as error:
+        print(f"perch-hil: {error}", file=sys.stderr)
+        return COULD_NOT_RUN
+    if len(seeds) > 1 and not request.as_json:
+        Console().print(seeds_table(plan.scenario, [flight.score for flight in flights]))
+    return _exit_code(flights)
+
+
+def _exit_code(flights: Sequence[Flight]) -> int:
+    if any(flight.interrupted for flight in flights):
+        return INTERRUPTED
+    if any(flight.failure for flight in flights):
+        return COULD_NOT_RUN
+    return PERCHED if all(flight.score.within_tolerance for flight in flights) else NOT_PERCHED
+
+
+def _fly_one(
+    request: Request, plan: Plan, seed: int, code: provenance.Code, clearance: Clearance, notes: Console
+) -> tuple[Flight, dict[str, Any] | None]:
+    """The flight, and how it kept time if it was live."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=notes, transient=True) as bar:
+        task = bar.add_task(f"{plan.scenario.name} seed {seed}: starting")
+
+        def progress(now_ns: int, stage: str) -> None:
+            bar.update(task, description=f"{plan.scenario.name} seed {seed}: {stage}, {now_ns * 1e-9:.1f} s")
+
+        if not request.live:
+            flight = fly(
+                plan.scenario, plan.rig, plan.make_policy(), seed,
+                policy_name=plan.policy_name, rig_name=Path(request.rig).stem, pictures=request.pictures,
+                out=request.out, code=code, clearance=clearance.manifest(), progress=progress,
+            )  # fmt: skip
+            return flight, None
+        from hil.host.live_run import fly_live  # Zenoh: only where it is needed
+
+        names = {field: getattr(request, field) for field in ("scenario", "rig", "policy", "camera")}
+        live = fly_live(
+            plan, names, seed, pictures=request.pictures, out=request.out, code=code, clearance=clearance.manifest(),
+            progress=progress, remote=request.remote, endpoint=request.endpoint,
+        )  # fmt: skip
+        return live.flight, live.summary
+
+
+def _print(
+    request: Request, plan: Plan, flight: Flight, summary: dict[str, Any] | None, notes: Console, several: bool
+) -> None:
+    if flight.interrupted:
+        notes.print(f"interrupted; what was flown is in {flight.run.path}", style="yellow")
+    if flight.failure:
+        print(f"perch-hil: could not run: {flight.failure} (recording: {flight.run.path})", file=sys.stderr)
+    if request.as_json:
+        print(json.dumps(_row(plan, flight) | ({"live": summary} if summary else {})), flush=True)
+        return
+    if several:
+        notes.print(_line(flight.score), highlight=False)
+        return
+    if not flight.failure:
+        Console().print(
+            run_table(flight.score, plan.scenario, run_dir=flight.run.path, real_time_factor=flight.real_time_factor)
+        )
+    troubles = {name: count for name, count in flight.counters.items() if count}
+    if troubles:
+        Console().print("counted: " + ", ".join(f"{count} {name}" for name, count in troubles.items()))
+    if summary:
+        Console().print("\n".join(live_lines(summary)), highlight=False)
+
+
+def _row(plan: Plan, flight: Flight) -> dict[str, Any]:
+    return json_row(
+        flight.score,
+        published_row(plan.scenario),
+        policy=plan.policy_name,
+        camera=plan.rig.camera.source,
+        real_time_factor=flight.real_time_factor,
+        run_dir=flight.run.path,
+    )
+
+
+def _line(score: Score) -> str:
+    verdict = "within tolerance" if score.within_tolerance else "attached" if score.attached else "missed"
+    why = f" ({'; '.join(score.reasons)})" if score.reasons else ""
+    return f"seed {score.seed}: {verdict}{why}"

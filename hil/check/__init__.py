@@ -1,0 +1,1 @@
+"""Field checklists: lists in TOML, checks that read the rig, a record that survives, three outputs."""

@@ -1,0 +1,50 @@
+"""A second of motion capture: how often it comes, and how old it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from hil.check.registry import Unavailable
+from hil.host.lockstep import Clock, Lockstep
+from hil.nodes.mocap import MocapNode
+from hil.nodes.vehicle import VehicleDevice
+from hil.rig import Rig
+from scenarios.draw import Drawn
+from vehicle.airframe import Airframe
+from vehicle.mocap import Mocap
+from vehicle.px4_sim import Px4Sim
+
+_MS = 1_000_000
+_LISTEN_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class MocapReport:
+    """Rate (Hz) and the greatest age (ms) of the newest pose at any moment, and the greatest gap between two (ms)."""
+
+    rate_hz: float
+    age_ms: float
+    gap_ms: float
+    source: str = "modelled motion capture"
+
+
+def measure_mocap(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
+    """Watch a standing vehicle. Raises Unavailable if nothing comes."""
+    clock = Clock()
+    device = VehicleDevice(Px4Sim({}, airframe, drawn.vehicle_seed))
+    seed = drawn.mocap_seed
+    node = MocapNode(Mocap(seed), Mocap(seed + 1), rig.mocap.rate_hz, round(rig.mocap.delay_ms * _MS))
+    heard: list[tuple[int, int]] = []
+
+    def tap(now_ns: int, topic: str, message: object) -> None:
+        if topic == "mocap/vehicle":
+            heard.append((now_ns, getattr(message, "stamp_ns")))  # noqa: B009
+
+    Lockstep([device, node], clock, tap).run(lambda now: now >= _LISTEN_NS)
+    if len(heard) < 2:
+        raise Unavailable("motion capture sent nothing in a second")
+    gaps = [b[0] - a[0] for a, b in pairwise(heard)]
+    oldest = max(b[0] - a[1] for a, b in pairwise(heard))  # just before the next one came
+    rate = (len(heard) - 1) * 1e9 / (heard[-1][0] - heard[0][0])
+    return MocapReport(rate, oldest / _MS, max(gaps) / _MS)

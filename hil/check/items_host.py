@@ -1,0 +1,78 @@
+"""Automatic checks of this computer: disk, recorder, origin of the code, bus."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+from hil.check.bench_bus import measure_bus
+from hil.check.context import Context
+from hil.check.judge import Reading
+from hil.check.registry import check
+from hil.messages import VehicleState
+from hil.provenance import ProvenanceError, code
+from hil.reader import ReadError, Recording
+from hil.record import PREFIX, Recorder, RecordingError
+
+_TOPIC = "mocap/vehicle"
+_MESSAGES = 5000
+_LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+@check("host.disk", unit="GB")
+def disk(context: Context) -> Reading:
+    """Free space where runs are recorded."""
+    folder = _existing(context.out)
+    return Reading(shutil.disk_usage(folder).free / 1e9, "", str(folder))
+
+
+@check("host.recorder", unit="messages/s")
+def recorder(context: Context) -> Reading:
+    """Tried: five thousand messages written where runs go, read back and counted."""
+    folder = _existing(context.out)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".check-", dir=folder) as scratch:
+            path = Path(scratch) / "check.mcap"
+            began = time.perf_counter()
+            with Recorder(path, topics=[_TOPIC]) as tap:
+                for i in range(_MESSAGES):
+                    now = i * 10_000_000
+                    still = (0.0, 0.0, 0.0)
+                    tap(now, _TOPIC, VehicleState(now, (float(i), 0.0, 0.0), still, _LEVEL, still))
+            seconds = time.perf_counter() - began
+            recording = Recording(path)
+            count = recording.counts()[PREFIX + _TOPIC]
+    except (OSError, RecordingError, ReadError) as error:
+        return Reading(None, str(error), str(folder), ok=False)
+    if count != _MESSAGES or not recording.complete or recording.faults:
+        return Reading(None, f"{count} of {_MESSAGES} came back: {recording.faults}", str(folder), ok=False)
+    return Reading(round(_MESSAGES / seconds), f"{count} written and read back", str(folder))
+
+
+@check("host.code")
+def origin(context: Context) -> Reading:
+    """Commit of the running code: what cannot be told makes a flight worthless as evidence."""
+    try:
+        found = code()
+    except ProvenanceError as error:
+        return Reading(None, str(error), "git", ok=False)
+    name = found.commit[:12] or f"package {found.version}"
+    return Reading(name, "with uncommitted changes" if found.dirty else "", found.source)
+
+
+@check("host.bus", unit="ms")
+def bus(context: Context) -> Reading:
+    """Tried: median latency of the live bus between two leaves on this computer."""
+    report = measure_bus()
+    lost = report.sent - report.arrived
+    detail = f"worst {report.worst_ms:.1f} ms of {report.arrived}" + (f", {lost} lost" if lost else "")
+    return Reading(report.median_ms, detail, "zenoh over loopback", ok=False if lost > 0.02 * report.sent else None)
+
+
+def _existing(folder: Path) -> Path:
+    folder = folder.resolve()
+    while not folder.is_dir():
+        folder = folder.parent
+    return folder

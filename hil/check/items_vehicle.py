@@ -1,0 +1,174 @@
+"""Automatic checks of the quadrotor and of motion capture."""
+
+from __future__ import annotations
+
+import math
+
+from hil.check.context import Context
+from hil.check.judge import Reading
+from hil.check.registry import Unavailable, check
+from hil.gate import Gate
+from hil.messages import Action, VehicleState
+from vehicle import px4_protocol as px4
+
+_NO_READING = 65535
+_GRAVITY = 9.80665
+
+
+@check("vehicle.heartbeat", unit="s")
+def heartbeat(context: Context) -> Reading:
+    """Age of the autopilot's last HEARTBEAT."""
+    ground = context.ground()
+    beat = ground.latest("HEARTBEAT")
+    age = (ground.until_ns - ground.heard["HEARTBEAT"][-1][0]) * 1e-9
+    if beat.autopilot != px4.AUTOPILOT_PX4:
+        return Reading(age, f"autopilot type {beat.autopilot} is not PX4", ground.source, ok=False)
+    return Reading(age, f"mode {px4.mode_name(beat.custom_mode)}", ground.source)
+
+
+@check("vehicle.disarmed")
+def disarmed(context: Context) -> Reading:
+    """The autopilot says that it is disarmed."""
+    ground = context.ground()
+    armed = bool(ground.latest("HEARTBEAT").base_mode & px4.BaseMode.ARMED)
+    return Reading(not armed, "armed!" if armed else "", ground.source, ok=not armed)
+
+
+@check("vehicle.prearm")
+def prearm(context: Context) -> Reading:
+    """The PREARM bit of SYS_STATUS: the autopilot's own checks pass."""
+    ground = context.ground()
+    health = ground.latest("SYS_STATUS").onboard_control_sensors_health
+    fine = bool(health & px4.PREARM_CHECK)
+    why = "" if fine else "; ".join(ground.notes[-2:]) or "the autopilot gives no reason"
+    return Reading(fine, why, ground.source, ok=fine)
+
+
+@check("vehicle.sensors", unit="sensors")
+def sensors(context: Context) -> Reading:
+    """Sensors that are present and enabled but not healthy, counted from SYS_STATUS."""
+    ground = context.ground()
+    status = ground.latest("SYS_STATUS")
+    wanted = status.onboard_control_sensors_present & status.onboard_control_sensors_enabled
+    ill = wanted & ~status.onboard_control_sensors_health & ~px4.PREARM_CHECK
+    return Reading(ill.bit_count(), f"bits {ill:#x} of SYS_STATUS" if ill else "", ground.source)
+
+
+@check("vehicle.battery", unit="%")
+def battery(context: Context) -> Reading:
+    """Charge that is left, by the autopilot."""
+    ground = context.ground()
+    status = ground.latest("SYS_STATUS")
+    volts = "" if status.voltage_battery == _NO_READING else f"{status.voltage_battery / 1000:.2f} V"
+    if status.battery_remaining < 0:
+        raise Unavailable(f"the autopilot does not know the battery's charge ({volts or 'nor its voltage'})")
+    return Reading(int(status.battery_remaining), volts, ground.source)
+
+
+@check("vehicle.estimator")
+def estimator(context: Context) -> Reading:
+    """Worst test ratio of the autopilot's estimator (ESTIMATOR_STATUS); 1 is where it starts to reject."""
+    ground = context.ground()
+    status = ground.latest("ESTIMATOR_STATUS")
+    ratios = {n: getattr(status, f"{n}_ratio") for n in ("vel", "pos_horiz", "pos_vert", "mag", "hagl")}
+    worst = max(ratios, key=lambda name: ratios[name] if math.isfinite(ratios[name]) else math.inf)
+    return Reading(float(ratios[worst]), f"worst: {worst}", ground.source)
+
+
+@check("vehicle.odometry", unit="Hz")
+def odometry(context: Context) -> Reading:
+    """Rate at which the autopilot sends ODOMETRY after it was asked for 100 Hz."""
+    ground = context.ground()
+    ground.latest("ODOMETRY")
+    return Reading(ground.rate_hz("ODOMETRY"), f"over {ground.listened_ns * 1e-9:.1f} s", ground.source)
+
+
+@check("vehicle.clock", unit="ms")
+def clock(context: Context) -> Reading:
+    """Uncertainty of the clock offset to the autopilot: half the round trip of TIMESYNC."""
+    ground = context.ground()
+    if not ground.heard.get("TIMESYNC"):
+        raise Unavailable("the autopilot does not answer TIMESYNC")
+    return Reading(ground.round_trip_ns * 0.5e-6, f"offset {ground.clock_offset_ns * 1e-9:.3f} s", ground.source)
+
+
+@check("vehicle.parameter")
+def parameter(context: Context, *, name: str) -> Reading:
+    """A parameter as the autopilot holds it now, after the driver has set its own."""
+    ground = context.ground()
+    try:
+        value = ground.parameters[name]
+    except KeyError:
+        raise Unavailable(f"the autopilot does not answer for {name}: not a parameter of this firmware?") from None
+    return Reading(value, name, ground.source)
+
+
+@check("vehicle.tilt_limit")
+def tilt_limit(context: Context) -> Reading:
+    """The failure detector lets the vehicle tilt as far as the board does, or its termination is switched off."""
+    ground = context.ground()
+    breaker = ground.parameters["CBRK_FLIGHTTERM"]
+    limits = [ground.parameters["FD_FAIL_P"], ground.parameters["FD_FAIL_R"]]
+    detail = f"FD_FAIL_P {limits[0]:g}, FD_FAIL_R {limits[1]:g} deg, CBRK_FLIGHTTERM {breaker:g}"
+    needed = context.scenario.board.inclination_deg + 10.0
+    fine = breaker == 121212 or all(limit == 0 or limit >= needed for limit in limits)
+    what = "" if fine else f"; a perch at {needed - 10:g} deg needs {needed:g} or CBRK_FLIGHTTERM 121212"
+    return Reading("ok" if fine else "too tight", detail + what, ground.source, ok=fine)
+
+
+@check("vehicle.offboard_loss", unit="s")
+def offboard_loss(context: Context) -> Reading:
+    """Tried in a flight: from the last set-point until the autopilot leaves OFFBOARD by itself."""
+    trial = context.trial()
+    if trial.loss_s is None:
+        return Reading(None, "silent for 5 s, and still in OFFBOARD", trial.source, ok=False)
+    return Reading(trial.loss_s, f"went to {trial.loss_mode}", trial.source)
+
+
+@check("vehicle.kill", unit="s")
+def kill(context: Context) -> Reading:
+    """Tried in the air: from the kill switch until disarmed and every motor's thrust is gone."""
+    trial = context.trial()
+    if trial.kill_s is None or trial.motors_off_s is None:
+        return Reading(None, "the motors still turned after 3 s", trial.source, ok=False)
+    return Reading(trial.motors_off_s, f"disarmed after {trial.kill_s:.3f} s", trial.source)
+
+
+@check("gate.fence", unit="m")
+def fence(context: Context) -> Reading:
+    """Least room between the scenario's workspace and the gate's fence, every side of which is tried."""
+    limits, space = context.rig.gate, context.scenario.workspace
+    sides = [(axis, end) for axis in range(3) for end in range(2)]
+    fences, spaces = (limits.x, limits.y, limits.z), (space.x, space.y, space.z)
+    middle = [0.5 * (low + high) for low, high in fences]
+    if _trips(limits, middle):
+        return Reading(None, f"the gate trips in its own middle: {_trips(limits, middle)}", "gate", ok=False)
+    for axis, end in sides:
+        place = list(middle)
+        place[axis] = fences[axis][end] + (0.01 if end else -0.01)
+        if "fence" not in _trips(limits, place):
+            return Reading(None, f"outside at {place} and the gate did not trip", "gate", ok=False)
+    room = min((fences[a][e] - spaces[a][e]) * (1 if e else -1) for a, e in sides)
+    return Reading(room + 0.0, "tried on six sides", "gate")
+
+
+def _trips(limits, place: list[float]) -> str:
+    gate = Gate(limits)
+    x, y, z = place
+    still, level = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    gate.check(0, Action(0, True, still, _GRAVITY, "", 0, 1.0), VehicleState(0, (x, y, z), still, level, still))
+    return gate.tripped
+
+
+@check("mocap.rate", unit="Hz")
+def mocap_rate(context: Context) -> Reading:
+    """Poses a second from motion capture."""
+    report = context.mocap()
+    return Reading(report.rate_hz, f"longest gap {report.gap_ms:.1f} ms", report.source)
+
+
+@check("mocap.age", unit="ms")
+def mocap_age(context: Context) -> Reading:
+    """How old the newest pose ever gets before the next one comes."""
+    report = context.mocap()
+    return Reading(report.age_ms, "", report.source)

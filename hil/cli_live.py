@@ -1,0 +1,173 @@
+"""Commands around the live host: `hub`, `node`, `status`, `rig`, `replay`; and how `run --live` tells its timing."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+USAGE, COULD_NOT_RUN = 2, 3
+_ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+def live_lines(table: dict[str, Any]) -> list[str]:
+    """How a live run kept time, as lines of text."""
+    from hil.host.live_latency import bars
+
+    lines, latency = [], table["exposure_to_action"]
+    if latency["count"]:
+        part = table["of_it_exposure_and_transport_ms"]
+        of_it = f", of it {part:g} ms exposure and transport of the simulated camera" if part else ""
+        lines.append(
+            f"exposure to action: p50 {latency['p50_ms']} ms, p90 {latency['p90_ms']}, p99 {latency['p99_ms']}, "
+            f"max {latency['max_ms']} ({latency['count']} pictures{of_it})"
+        )
+        lines += bars(latency)
+    lines.append(
+        f"on {table['cores']} cores, load average {table['load_average'][0]:.1f} before, "
+        f"{table['load_average'][1]:.1f} after"
+    )
+    for service, one in table["services"].items():
+        for node, pace in one.get("nodes", {}).items():
+            lost = sum(one.get("dropped", {}).values()) + sum(one.get("lost", {}).values())
+            lines.append(
+                f"{node:15s} {pace['steps']:6d} steps  {pace['late']:5d} late  {pace['missed']:5d} missed  worst "
+                f"{pace['worst_ns'] / 1e6:7.1f} ms  {lost:4d} messages lost or dropped by {service}"
+            )
+    return lines + table["remarks"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command("hub")(hub)
+    app.command("node")(node)
+    app.command("status")(status)
+    app.command("replay")(replay)
+    rigs = typer.Typer(no_args_is_help=True, help="Rigs: what fills each slot.")
+    rigs.command("check")(rig_check)
+    rigs.command("list")(rig_list)
+    app.add_typer(rigs, name="rig")
+
+
+def _fail(text: str, code: int = USAGE) -> typer.Exit:
+    print(f"perch-hil: {text}", file=sys.stderr)
+    return typer.Exit(code)
+
+
+def hub(
+    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT; give this host's address to let others in")] = _ENDPOINT,
+) -> None:
+    """Serve the bus until Ctrl-C. Everybody who can reach the port can use it: keep it on a closed network."""
+    from hil.bus import BusError
+    from hil.host.live_hub import serve_hub
+
+    print(f"hub on {listen}, end it with Ctrl-C", file=sys.stderr)
+    try:
+        serve_hub(listen, None, None, with_parent=False)
+    except BusError as error:
+        raise _fail(str(error), COULD_NOT_RUN) from None
+
+
+def node(
+    service: Annotated[str, typer.Argument(help="a service of the rig: see `perch-hil rig check RIG`")],
+    scenario: Annotated[str, typer.Option(help="the run's scenario")],
+    rig: Annotated[str, typer.Option(help="the run's rig")] = "sim",
+    seed: Annotated[int, typer.Option(help="the run's seed")] = 0,
+    policy: Annotated[str | None, typer.Option(help="planner, planner-analytic or an .onnx")] = None,
+    connect: Annotated[str, typer.Option(help="the hub's endpoint")] = _ENDPOINT,
+) -> None:
+    """Serve one piece of a live run on this host, for one run started elsewhere with --remote."""
+    from hil.bus import BusError
+    from hil.host.live_main import serve
+    from hil.host.live_spec import LiveSpec
+    from hil.host.live_wires import free_ports
+    from hil.wires import WireError
+
+    try:
+        spec = LiveSpec(
+            scenario=scenario, rig=rig, policy=policy, camera=None, seed=seed, endpoint=connect, ports=free_ports(),
+            pictures="none", folder=None,
+        )  # fmt: skip
+        services = spec.services()
+        if service not in services:
+            raise ValueError(f"rig {rig} has no service {service!r}; it has {', '.join(services)}")
+        if {"vehicle_device", "car_device"} & set(services[service]):
+            raise ValueError("a simulated device stays on the host of its driver: they share a local wire")
+        code = serve(spec, service, services[service])
+    except ValueError as error:
+        raise _fail(str(error)) from None
+    except (BusError, WireError) as error:
+        raise _fail(str(error), COULD_NOT_RUN) from None
+    raise typer.Exit(code)
+
+
+def status(
+    connect: Annotated[str, typer.Option(help="the hub's endpoint")] = _ENDPOINT,
+    seconds: Annotated[float, typer.Option(min=0.5, max=60, help="how long to listen")] = 2.0,
+) -> None:
+    """Who is up on a bus, and every topic's rate and age against the contract.
+
+    Exit code: 0 if every topic that is published keeps its age, 1 if one does not, 3 without a hub.
+    """
+    from hil.bus import BusError
+    from hil.status import listen, status_tables
+
+    try:
+        seen = listen(connect, seconds)
+    except BusError as error:
+        raise _fail(str(error), COULD_NOT_RUN) from None
+    for table in status_tables(seen):
+        Console().print(table)
+    raise typer.Exit(0 if seen.fresh else 1)
+
+
+def replay(
+    run: Annotated[Path, typer.Argument(help="a run folder, of either host")],
+    nodes: Annotated[list[str] | None, typer.Option("--node", help="which nodes [default: all that can be]")] = None,
+    tolerance: Annotated[float, typer.Option(min=0, help="difference of numbers that counts as none")] = 0.0,
+    ignore: Annotated[list[str] | None, typer.Option(help="topic, or topic.field, not to be compared")] = None,
+    policy: Annotated[str | None, typer.Option(help="another policy in place of the run's")] = None,
+) -> None:
+    """Step nodes of a recorded run again, with today's code, on what each step consumed then.
+
+    Exit code: 0 nothing differs, 1 something does, 2 the run cannot be replayed.
+    """
+    from hil.host.replay import ReplayError, replay_run
+    from hil.reader import ReadError
+    from hil.runs import RunError
+
+    try:
+        found = replay_run(run, nodes or (), tolerance=tolerance, ignore=ignore or (), policy=policy)
+    except (ReplayError, RunError, ReadError, ValueError) as error:
+        raise _fail(str(error)) from None
+    print("\n".join(found.lines()))
+    raise typer.Exit(0 if found.same else 1)
+
+
+def rig_list() -> None:
+    """The rigs that come with the project."""
+    from hil.rig import list_rigs, load_rig
+
+    for name in list_rigs():
+        print(f"{name:10s} {load_rig(name).title}")
+
+
+def rig_check(rig: Annotated[str, typer.Argument(help="a rig's name or a path to a .toml")]) -> None:
+    """Tell what of a rig is reachable now, before anything arms. Sends nothing to a vehicle or car.
+
+    Exit code: 0 everything, 3 something is not reachable.
+    """
+    from hil.host.live_reach import reach
+    from hil.rig import load_rig
+    from scenarios.toml_errors import ConfigError
+
+    try:
+        found = reach(load_rig(rig))
+    except ConfigError as error:
+        raise _fail(str(error)) from None
+    for slot in found:
+        print(f"{slot.slot:10s} {slot.kind:10s} {'ok' if slot.ok else 'NOT REACHABLE':14s} {slot.text}")
+    raise typer.Exit(0 if all(slot.ok for slot in found) else COULD_NOT_RUN)

@@ -1,0 +1,92 @@
+"""The gate: the last look at a command before the vehicle's wire. Pure: no clock, no I/O.
+
+A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped (a number that is not
+finite, a vehicle too fast, tumbling, outside its fence, or of unknown whereabouts) trips the gate: it latches, nothing
+more is sent, and the autopilot's own failsafe acts on the silence.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from hil.messages import Action, Sent, VehicleState
+
+Range = tuple[float, float]
+
+
+class GateLimits(BaseModel):
+    """Limits of the gate; SI units, world ENU. Defaults suit the paper's quadrotor and the scenarios' workspace."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    rate: float = Field(default=4.0, gt=0, le=20, description="each body rate, rad/s (paper: omega_lim 4.0)")
+    thrust: Range = Field(default=(2.0, 18.0), description="mass-normalised collective thrust, m/s^2")
+    speed: float = Field(default=8.0, gt=0, le=30, description="of the vehicle, m/s")
+    turning: float = Field(default=12.0, gt=0, le=60, description="of the vehicle about any axis, rad/s")
+    x: Range = (-25.0, 25.0)
+    y: Range = (-25.0, 25.0)
+    z: Range = (0.3, 9.0)
+    command_age_ms: float = Field(default=50.0, gt=0, le=1000, description="an older command is not sent")
+    odometry_age_ms: float = Field(default=200.0, gt=0, le=2000, description="older odometry trips")
+
+    @field_validator("thrust", "x", "y", "z")
+    @classmethod
+    def _upwards(cls, value: Range) -> Range:
+        if not value[0] < value[1]:
+            raise ValueError(f"{list(value)} must be [lower, upper]")
+        return value
+
+    @field_validator("thrust")
+    @classmethod
+    def _pushes(cls, value: Range) -> Range:
+        if value[0] < 0:
+            raise ValueError(f"{list(value)}: rotors push, they do not pull; the lower limit is 0 or more")
+        return value
+
+
+class Gate:
+    """One vehicle's gate. `check` returns what may be sent, or None if nothing may."""
+
+    def __init__(self, limits: GateLimits) -> None:
+        self._limits = limits
+        self.tripped = ""
+        self.refused = 0
+
+    def check(self, now_ns: int, action: Action, vehicle: VehicleState | None) -> Sent | None:
+        """`action` against the limits; `vehicle` is the newest odometry. A trip latches; `tripped` names its reason."""
+        if self.tripped:
+            return None
+        self.tripped = self._trip(now_ns, action, vehicle)
+        if self.tripped:
+            return None
+        if not 0 <= now_ns - action.stamp_ns <= self._limits.command_age_ms * 1e6:
+            self.refused += 1
+            return None
+        bound = self._limits.rate
+        p, q, r = (min(bound, max(-bound, rate)) for rate in action.body_rate)
+        low, high = self._limits.thrust
+        thrust = min(high, max(low, action.thrust))
+        limited = (p, q, r) != tuple(action.body_rate) or thrust != action.thrust
+        return Sent(now_ns, (p, q, r), thrust, 0.0, limited, "")
+
+    def _trip(self, now_ns: int, action: Action, vehicle: VehicleState | None) -> str:
+        limits = self._limits
+        if not all(map(math.isfinite, (*action.body_rate, action.thrust))):
+            return "command is not finite"
+        if vehicle is None or now_ns - vehicle.stamp_ns > limits.odometry_age_ms * 1e6:
+            return f"no odometry younger than {limits.odometry_age_ms:g} ms"
+        numbers = (*vehicle.position, *vehicle.velocity, *vehicle.orientation, *vehicle.body_rate)
+        if not all(map(math.isfinite, numbers)):
+            return "odometry is not finite"
+        speed = math.hypot(*vehicle.velocity)
+        if speed > limits.speed:
+            return f"vehicle at {speed:.1f} m/s, limit {limits.speed:g}"
+        turning = math.hypot(*vehicle.body_rate)
+        if turning > limits.turning:
+            return f"vehicle turns at {turning:.1f} rad/s, limit {limits.turning:g}"
+        for axis, value, (low, high) in zip("xyz", vehicle.position, (limits.x, limits.y, limits.z), strict=True):
+            if not low <= value <= high:
+                return f"vehicle outside its fence: {axis} = {value:.2f} m, allowed {low:g} to {high:g}"
+        return ""

@@ -1,0 +1,104 @@
+"""Entry point of one process of a live run: `python -m hil.host.live_main SPEC SERVICE`."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+
+from hil.assembly import Assembly
+from hil.bus import Bus, BusError
+from hil.host.live import LiveService
+from hil.host.live_spec import LiveSpec, simulated_twin
+from hil.host.live_warm import warm_up
+from hil.host.live_wires import LiveWires
+from hil.receipts import ReceiptBook
+from hil.simulation import MemoryWires, counters
+from hil.wires import WireError
+
+COULD_NOT_RUN = 3
+_PR_SET_PDEATHSIG = 1
+_NICE = -11
+
+
+def die_with_parent() -> None:
+    """Be told (SIGTERM) when the process that started this one is gone, however it went."""
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def hurry() -> None:
+    """Ask to be scheduled before ordinary processes; where that is not permitted the machine has to be idle enough."""
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
+
+
+def serve(spec: LiveSpec, service: str, names: tuple[str, ...]) -> int:
+    """Drive nodes `names` as `service` until stopped; returns the exit code."""
+    sys.setswitchinterval(2e-4)  # a thread of the bus may not wait 5 ms for the interpreter
+    plan = spec.plan()
+    drawn = spec.draw(plan)
+    simulated = simulated_twin(plan.rig)
+    warm_up(Assembly(plan.scenario, simulated, drawn, plan.make_policy, MemoryWires(simulated, lambda: 0)), names)
+    wires = LiveWires(plan.rig, spec.ports)
+    assembly = Assembly(
+        plan.scenario, plan.rig, drawn, plan.make_policy, wires, time.monotonic_ns, unix_ns=time.time_ns()
+    )
+    parent = os.getppid()
+    hurry()  # only now: warming up may take its time
+    with Bus(spec.endpoint, spec.credentials(service), timeout_s=10.0) as bus:
+        offset_ns, _ = bus.clock_offset()
+        nodes = [assembly.node(name) for name in names]
+        book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
+        live = LiveService(
+            service, nodes, bus, book=book, trouble=lambda: wires.trouble, counters=lambda: counters(nodes)
+        )
+
+        def stop(_: int, __: FrameType | None) -> None:
+            if os.getppid() == parent:
+                live.stop()
+            else:  # the supervisor is gone: what flies is brought to its safe state first
+                live.orphaned()
+
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, stop)
+        gc.collect()
+        gc.freeze()
+        try:
+            if live.wait_for_go(offset_ns):
+                live.run()
+        finally:
+            live.close()
+            wires.close()
+    return 0
+
+
+def main() -> int:
+    """Read the spec and serve."""
+    die_with_parent()
+    service = sys.argv[2]
+    try:
+        spec = LiveSpec.read(Path(sys.argv[1]))
+        if service == "recorder":
+            hurry()
+            from hil.host.live_recorder import record
+
+            return record(spec)
+        if service == "hub":
+            hurry()
+            from hil.host.live_hub import hub
+
+            return hub(spec)
+        return serve(spec, service, spec.services()[service])
+    except (BusError, WireError, ValueError, OSError) as error:
+        print(f"perch-hil: {service}: {error}", file=sys.stderr, flush=True)
+        return COULD_NOT_RUN
+
+
+if __name__ == "__main__":
+    sys.exit(main())

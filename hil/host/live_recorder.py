@@ -1,0 +1,137 @@
+"""The recorder's process: every message of the contract from the bus into run.mcap, in the order of publication.
+
+Messages of different processes arrive a little out of order: they wait a moment, are sorted by the publisher's time,
+and written. What comes later than that moment is written with the time it could still have, and counted.
+"""
+
+from __future__ import annotations
+
+import heapq
+import os
+import signal
+import time
+from types import FrameType
+from typing import Any
+
+from hil.assembly import Assembly
+from hil.bus import CONTROL, HEALTH, Bus, Letter, Mailbox
+from hil.foxglove_view import FoxgloveView
+from hil.host.live_spec import LiveSpec, simulated_twin
+from hil.record import Recorder
+from hil.runs import write_json
+from hil.simulation import MemoryWires
+from hil.topics import TOPICS
+
+SETTLE_NS = 250_000_000  # how long a message waits for older ones
+_TURN_S = 0.02
+
+
+class Sorter:
+    """Letters in, (time, letter) out, times never decreasing. `late` counts those too late for their place."""
+
+    def __init__(self, settle_ns: int = SETTLE_NS) -> None:
+        self._settle_ns, self._heap = settle_ns, []
+        self._serial = self._written_ns = self.late = 0
+
+    def add(self, letter: Letter) -> None:
+        self._serial += 1
+        heapq.heappush(self._heap, (letter.published_ns, self._serial, letter))
+
+    def take(self, now_ns: int | None) -> list[tuple[int, Letter]]:
+        """What has waited long enough at `now_ns`; everything for None."""
+        ready = []
+        while self._heap and (now_ns is None or self._heap[0][0] <= now_ns - self._settle_ns):
+            published_ns, _, letter = heapq.heappop(self._heap)
+            if published_ns < self._written_ns:
+                self.late += 1
+            self._written_ns = max(self._written_ns, published_ns)
+            ready.append((self._written_ns, letter))
+        return ready
+
+
+def record(spec: LiveSpec) -> int:
+    """Record until stopped. Raises RecordingError if that is not possible, BusError without a hub."""
+    assert spec.folder is not None
+    plan = spec.plan()
+    twin = simulated_twin(plan.rig)
+    camera = Assembly(plan.scenario, twin, spec.draw(plan), plan.make_policy, MemoryWires(twin, lambda: 0)).camera
+    view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
+    state = {"epoch": 0, "stop": False, "orders": []}
+    mailbox, sorter, seen = Mailbox(depth=8192, pictures=60), Sorter(), _Seen()
+
+    def stop(_: int, __: FrameType | None) -> None:
+        state["stop"] = True
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, stop)
+    parent, orphaned_s = os.getppid(), 0.0
+
+    def tell(bus: Bus, what: str) -> None:
+        table = {"service": "recorder", "pid": os.getpid(), "state": what, "late": sorter.late, "nodes": {}}
+        bus.say(HEALTH + "recorder", table | {"lost": dict(mailbox.lost), "dropped": dict(mailbox.dropped)})
+
+    with (
+        Recorder(spec.folder / "run.mcap", view=view) as recorder,
+        Bus(spec.endpoint, spec.credentials("recorder"), timeout_s=10.0) as bus,
+    ):
+        wanted = [t for t, row in TOPICS.items() if row.recorded and (t != "camera/image" or spec.pictures != "none")]
+        bus.subscribe("recorder", wanted, mailbox)
+        bus.hear(CONTROL, state["orders"].append)
+        offset_ns, _ = bus.clock_offset()
+        told = 0.0
+        while not state["stop"]:
+            time.sleep(_TURN_S)
+            for order in _orders(state["orders"]):
+                if order.get("order") == "go":
+                    state["epoch"] = int(order["epoch_ns"]) - offset_ns
+                elif order.get("order") == "stop" and order.get("service") == "recorder":
+                    state["stop"] = True
+            for letter in mailbox.drain():
+                seen.note(letter)
+                sorter.add(letter)
+            if state["epoch"]:
+                for now, letter in sorter.take(time.monotonic_ns() - state["epoch"]):
+                    recorder(now, letter.topic, letter.message)
+            if time.monotonic() - told > 0.5:
+                told = time.monotonic()
+                tell(bus, "running" if state["epoch"] else "ready")
+                if os.getppid() != parent:  # record the safe state that follows, then end
+                    orphaned_s = orphaned_s or told
+                    state["stop"] = told - orphaned_s > 22.0
+        for letter in mailbox.drain():
+            seen.note(letter)
+            sorter.add(letter)
+        for now, letter in sorter.take(None):
+            recorder(now, letter.topic, letter.message)
+        write_json(spec.folder / "numbers.json", seen.table())
+        tell(bus, "stopped")
+    return 0
+
+
+class _Seen:
+    """Which numbers of each topic were recorded: the first, and what is missing after it."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, int] = {}
+        self._next: dict[str, int] = {}
+        self._missing: dict[str, list[int]] = {}
+
+    def note(self, letter: Letter) -> None:
+        if letter.topic == "event":  # several publishers, and nobody's input
+            return
+        if letter.topic not in self._first:
+            self._first[letter.topic] = letter.sequence
+        else:
+            self._missing.setdefault(letter.topic, []).extend(range(self._next[letter.topic], letter.sequence))
+        self._next[letter.topic] = letter.sequence + 1
+
+    def table(self) -> dict[str, Any]:
+        return {
+            topic: {"first": first, "missing": self._missing.get(topic, [])} for topic, first in self._first.items()
+        }
+
+
+def _orders(waiting: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    taken = waiting[:]
+    del waiting[: len(taken)]
+    return taken

@@ -1,0 +1,253 @@
+"""One live run: hub, recorder, services, supervisor, and the same run folder as in lockstep at the end."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from hil.bus import Bus, Mailbox
+from hil.campaign import Plan
+from hil.flight import Flight
+from hil.host.live_latency import latencies_ns, summary
+from hil.host.live_spec import LiveSpec, services
+from hil.host.live_wires import free_ports
+from hil.messages import Event, Stage
+from hil.provenance import Code
+from hil.reader import ReadError, Recording
+from hil.runs import Run, new_run, policy_identity, write_json
+from hil.score import Score, Scorer, score_messages
+from hil.supervisor import Supervisor, SupervisorError, remove_orphaned_memory
+
+_TURN_S = 0.05
+_LAND_LIMIT_S = 25.0
+_WITNESS_S = 3.0  # recorded after the driver itself is gone: what autopilot and car do by themselves
+_OVERTIME_S = 150.0  # prepare, lead and margin on top of the scenario's time limit
+
+
+@dataclass(frozen=True)
+class LiveFlight:
+    """A flight, and how the processes kept time."""
+
+    flight: Flight
+    summary: dict[str, Any]
+
+
+class _Ear:
+    """What the supervisor follows itself: stages and errors."""
+
+    def __init__(self, bus: Bus, progress: Callable[[int, str], None]) -> None:
+        self._mailbox, self._progress = Mailbox(), progress
+        bus.subscribe("supervisor", ("run/stage", "event", "vehicle/status"), self._mailbox)
+        self.stage, self.errors = "prepare", []
+
+    def listen(self) -> None:
+        for letter in self._mailbox.drain():
+            if letter.topic == "run/stage":
+                stage: Stage = letter.message
+                self.stage = stage.name
+                self._progress(stage.stamp_ns, stage.name)
+            elif letter.topic == "event":
+                event: Event = letter.message
+                if event.severity == "error":
+                    self.errors.append(f"{event.source}: {event.text}")
+
+    def close(self) -> None:
+        self._mailbox.close()
+
+
+def fly_live(
+    plan: Plan,
+    names: dict[str, Any],
+    seed: int,
+    *,
+    pictures: str,
+    out: Path,
+    code: Code,
+    progress: Callable[[int, str], None],
+    keys: Path | None = None,
+    remote: tuple[str, ...] = (),
+    endpoint: str | None = None,
+    clearance: Mapping[str, Any] | None = None,
+) -> LiveFlight:
+    """Fly one seed in real time. `names`: scenario, rig, policy and camera as the user gave them, for the processes.
+
+    Services in `remote` are not started here but awaited. An interruption (Ctrl-C) brings everything to its safe state,
+    closes the recording and is reported in the result. Raises RunError, ProvenanceError or SupervisorError if the
+    run cannot take place or cannot be kept: such a run does not take off.
+    """
+    run = new_run(
+        out,
+        scenario={**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name},
+        rig={**plan.rig.model_dump(mode="json"), "name": Path(names["rig"]).stem},
+        seed=seed,
+        host="live",
+        policy=policy_identity(plan.policy_name),
+        simulated=plan.rig.simulated,
+        started_utc=datetime.now(UTC),
+        code=code,
+        more={"clearance": dict(clearance or {})},
+    )
+    endpoint = endpoint or f"{'tcp' if keys is None else 'tls'}/127.0.0.1:{_free_port()}"
+    logs = run.path / "live"
+    logs.mkdir()
+    spec = LiveSpec(
+        **names, seed=seed, endpoint=endpoint, ports=free_ports(), pictures=pictures,
+        folder=run.path.resolve(), keys=keys,
+    )  # fmt: skip
+    spec.write(logs / "spec.json")
+    wall, began, state = time.perf_counter(), time.time(), "failed"
+    ended = _Ended()
+    try:
+        with Supervisor(logs / "spec.json", endpoint, logs) as supervisor:
+            try:
+                _fly(supervisor, spec, plan, progress, ended, remote)
+            finally:
+                supervisor.stop()
+                ended.health, ended.remarks = supervisor.health, supervisor.remarks
+        state = "interrupted" if ended.interrupted else "failed" if ended.trouble else "finished"
+    finally:
+        leaked = remove_orphaned_memory(began)
+        score, table = _judge(run, plan, seed, ended)
+        table["shared_memory_removed"] = len(leaked)
+        write_json(run.path / "live.json", table)
+        run.write_score(score.as_dict())
+        run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall)
+    counters: dict[str, int] = {}
+    for one in ended.health.values():
+        for name, count in one.get("counters", {}).items():
+            counters[name] = counters.get(name, 0) + count
+    flight = Flight(score, run, None, ended.trouble or ended.failure, counters, ended.interrupted)
+    return LiveFlight(flight, table)
+
+
+class _Ended:
+    """How a run ended."""
+
+    def __init__(self) -> None:
+        self.interrupted = False
+        self.trouble = self.failure = ""
+        self.stage = "prepare"
+        self.health: dict[str, dict[str, Any]] = {}
+        self.remarks: list[str] = []
+        self.load = (0.0, 0.0)
+
+
+def _fly(
+    supervisor: Supervisor,
+    spec: LiveSpec,
+    plan: Plan,
+    progress: Callable[[int, str], None],
+    ended: _Ended,
+    remote: tuple[str, ...],
+) -> None:
+    """Start, watch, and bring down; what happened is noted in `ended`."""
+    wanted = list(services(plan.rig))
+    ear: _Ear | None = None
+    try:
+        try:
+            supervisor.start("hub")
+            bus = supervisor.connect(spec.credentials("supervisor"))
+            ear = _Ear(bus, progress)
+            supervisor.start("recorder")
+            for service in wanted:
+                if service not in remote:
+                    supervisor.start(service)
+            supervisor.wait_ready(
+                ["recorder", *wanted], waiting=lambda missing: progress(0, f"waiting for {', '.join(missing)}")
+            )
+            ended.load = (os.getloadavg()[0], 0.0)
+            supervisor.go()
+            limit = time.monotonic() + plan.scenario.time_limit + _OVERTIME_S
+            while ear.stage != "ended":
+                time.sleep(_TURN_S)
+                ear.listen()
+                ended.trouble = supervisor.trouble()
+                if not ended.trouble and time.monotonic() > limit:
+                    ended.trouble = f"the run did not end in time (stage {ear.stage})"
+                if ended.trouble:
+                    break
+        except KeyboardInterrupt:
+            ended.interrupted = True
+        if ended.trouble or ended.interrupted:
+            _bring_down(supervisor, ended, ear)
+        elif not plan.rig.simulated:
+            _wait_safe(supervisor, _LAND_LIMIT_S)
+        if ear is not None:
+            ear.listen()
+            ended.stage = ear.stage
+            attempted = any(t in supervisor.health.get("referee", {}).get("state", "") for t in ("running",))
+            if ear.errors and (ended.trouble or not attempted or ear.stage != "ended"):
+                ended.failure = "; ".join(ear.errors[-3:])
+            failed = [e for e in ear.errors if e.startswith("director: ")]
+            ended.failure = "; ".join(failed) if failed and not ended.trouble else ended.failure
+        ended.load = (ended.load[0], os.getloadavg()[0])
+    finally:
+        if ear is not None:
+            ear.close()
+
+
+def _bring_down(supervisor: Supervisor, ended: _Ended, ear: _Ear | None) -> None:
+    """Everybody to the safe state; a second Ctrl-C cuts it short."""
+    if ear is None:
+        return
+    try:
+        supervisor.abort(ended.trouble or "interrupted")
+        time.sleep(0.7)  # every service says its health twice a second
+        _wait_safe(supervisor, _LAND_LIMIT_S)
+        if any(name in ended.trouble.split(" ")[:1] for name in ("vehicle_link", "car", "hub")):
+            time.sleep(_WITNESS_S)
+    except KeyboardInterrupt:
+        ended.interrupted = True
+
+
+def _wait_safe(supervisor: Supervisor, limit_s: float) -> None:
+    until = time.monotonic() + limit_s
+    while time.monotonic() < until and not (supervisor.safe("vehicle_link") and supervisor.safe("car")):
+        time.sleep(_TURN_S)
+
+
+def _judge(run: Run, plan: Plan, seed: int, ended: _Ended) -> tuple[Score, dict[str, Any]]:
+    """Score and time-keeping from what was recorded."""
+    try:
+        recording = Recording(run.recording)
+        messages = list(recording.messages([t for t in _SCORED if "/perch/" + t in recording.topics]))
+        score = score_messages(plan.scenario, seed, messages)
+        latency = summary(latencies_ns(messages))
+    except ReadError as error:
+        ended.trouble = ended.trouble or str(error)
+        score, latency = Scorer(plan.scenario, seed).result(), {"count": 0}
+    slot = plan.rig.camera
+    table = {
+        "ended": {"trouble": ended.trouble, "interrupted": ended.interrupted, "stage": ended.stage},
+        "exposure_to_action": latency,
+        "of_it_exposure_and_transport_ms": slot.exposure_ms / 2 + slot.transport_ms if slot.kind == "sim" else None,
+        "cores": os.cpu_count(),
+        "load_average": ended.load,
+        "remarks": ended.remarks,
+        "services": {name: _words(one) for name, one in sorted(ended.health.items())},
+    }
+    return score, table
+
+
+_SCORED = (
+    "run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent", "policy/action",
+)  # fmt: skip
+
+
+def _words(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if key not in ("heard_ns", "service", "outputs")}
+
+
+def _free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+__all__ = ["LiveFlight", "SupervisorError", "fly_live"]

@@ -1,0 +1,52 @@
+"""The simulated camera: one exposure of the true scene per period, delivered after read-out and transport."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.messages import BoardState, Image, Stage, VehicleState
+from hil.node import Inbox, Out
+from vehicle.render import Renderer
+from vehicle.render_pose import motion_row
+from vehicle.rotations import rotate_back
+
+
+def motion_of(state: VehicleState | BoardState, at_ns: int) -> np.ndarray:
+    """Motion row (13,) of a body moved with its own twist from its stamp to `at_ns` (a few milliseconds)."""
+    seconds = (at_ns - state.stamp_ns) * 1e-9
+    position = np.array(state.position) + seconds * np.array(state.velocity)
+    if isinstance(state, VehicleState):
+        return motion_row(position, state.orientation, state.velocity, state.body_rate)
+    body_rate = rotate_back(state.orientation, 0.0, 0.0, state.turn_rate)
+    return motion_row(position, state.orientation, state.velocity, body_rate)
+
+
+class CameraSim:
+    """Renders from the lead stage on (nobody looks before) and stamps each picture with the middle of its exposure."""
+
+    name = "camera"
+    inputs = ("truth/vehicle", "truth/board", "run/stage")
+    outputs = ("camera/image",)
+    wakes = ()
+
+    def __init__(self, renderer: Renderer, rate_hz: float, exposure_ns: int, transport_ns: int) -> None:
+        self.period_ns = round(1e9 / rate_hz)
+        self._renderer = renderer
+        self._exposure_ns, self._transport_ns = exposure_ns, transport_ns
+        self._sequence = 0
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        vehicle, board = inbox.latest("truth/vehicle"), inbox.latest("truth/board")
+        stage: Stage | None = inbox.latest("run/stage")
+        if vehicle is None or board is None or stage is None or stage.name == "prepare":
+            return []
+        pixels = self._renderer.render(
+            motion_of(vehicle, now_ns), motion_of(board, now_ns), self._exposure_ns, self._sequence
+        )
+        height, width = pixels.shape
+        image = Image(now_ns, width, height, self._exposure_ns, pixels.tobytes(), self._sequence)
+        self._sequence += 1
+        return [Out("camera/image", image, self._exposure_ns // 2 + self._transport_ns)]
+
+    def close(self) -> None:
+        pass

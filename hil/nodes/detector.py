@@ -1,0 +1,110 @@
+"""The AprilTag detector: pictures in, the board's pose in the world out, with the vehicle's pose at exposure time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from hil.messages import Belief, Detection, Image, VehicleState
+from hil.node import Inbox, Out
+from vehicle.apriltag import BoardDetector, BoardPose, modelled_processing_ns, world_board_pose
+from vehicle.camera import camera_frame
+from vehicle.pose_history import PoseAt, PoseHistory
+from vehicle.rotations import from_euler, to_matrix
+
+# What a detection is wrong by beyond its corners' noise: the vehicle's own position (m) and where the camera really
+# points (rad): attitude estimate, mount calibration, exposure time.
+ODOMETRY_SIGMA, POINTING_SIGMA = 0.006, 0.008
+
+
+class Detector:
+    """Looks at the newest picture only: one that arrives while another is being processed is dropped and counted."""
+
+    name = "detector"
+    inputs = ("camera/image", "vehicle/odometry", "belief")
+    outputs = ("board/detection",)
+    wakes = ("camera/image",)
+    period_ns = 0
+
+    def __init__(
+        self, detector: BoardDetector, camera_row: np.ndarray, stopwatch: Callable[[], int] | None = None
+    ) -> None:
+        """`camera_row`: the calibrated camera, which need not be the true one. `stopwatch` (ns) measures what a
+        detection costs where it costs real time; without one the cost is modelled, and delays the answer."""
+        self._detector, self._cam, self._stopwatch = detector, camera_row, stopwatch
+        self._history = PoseHistory()
+        self._busy_until_ns = 0
+        self.dropped = 0
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        for odometry in inbox.new("vehicle/odometry"):
+            self._remember(odometry)
+        images = inbox.new("camera/image")
+        if not images:
+            return []
+        if now_ns < self._busy_until_ns:
+            self.dropped += len(images)
+            return []
+        self.dropped += len(images) - 1
+        image: Image = images[-1]
+        vehicle = self._history.at(image.stamp_ns)
+        pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
+        prior = up = None
+        if vehicle is not None:
+            camera_R, camera_p = camera_frame(vehicle.position, vehicle.orientation, self._cam)
+            up = camera_R[2]
+            prior = _expected(inbox.latest("belief"), image.stamp_ns, camera_R, camera_p)
+        if self._stopwatch is not None:
+            began = self._stopwatch()
+            seen = self._detector.detect(pixels, prior, up)
+            return [Out("board/detection", self._message(image, seen, vehicle, self._stopwatch() - began))]
+        seen = self._detector.detect(pixels, prior, up)
+        processing_ns = modelled_processing_ns(seen)
+        self._busy_until_ns = now_ns + processing_ns
+        return [Out("board/detection", self._message(image, seen, vehicle, processing_ns), processing_ns)]
+
+    def _remember(self, odometry: VehicleState) -> None:
+        parts = (odometry.position, odometry.velocity, odometry.orientation, odometry.body_rate)
+        self._history.add(odometry.stamp_ns, PoseAt(*(np.array(part) for part in parts)))
+
+    def _message(self, image: Image, seen: BoardPose, vehicle: PoseAt | None, processing_ns: int) -> Detection:
+        found, reason = seen.found, seen.reason
+        position, orientation = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+        distance = float(np.linalg.norm(seen.p)) if found else 0.0
+        if found and vehicle is None:
+            found, reason = False, "no odometry at exposure time"
+        if found and vehicle is not None:
+            p, q = world_board_pose(vehicle.position, vehicle.orientation, self._cam, seen.R, seen.p)
+            position, orientation = tuple(p.tolist()), tuple(q.tolist())
+        return Detection(
+            stamp_ns=image.stamp_ns,
+            found=found,
+            position=position,
+            orientation=orientation,
+            position_sigma=math.hypot(seen.position_sigma, ODOMETRY_SIGMA, POINTING_SIGMA * distance) if found else 0.0,
+            orientation_sigma=math.hypot(seen.orientation_sigma, POINTING_SIGMA) if found else 0.0,
+            tag_ids=seen.ids,
+            corners_px=tuple(seen.corners.ravel().tolist()),
+            reason=reason,
+            image_sequence=image.sequence,
+            processing_ns=processing_ns,
+        )
+
+    def close(self) -> None:
+        pass
+
+
+def _expected(
+    belief: Belief | None, at_ns: int, camera_R: np.ndarray, camera_p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """The believed board in the optical frame at the exposure (R (3, 3), p (3,)), or None while nothing is believed."""
+    if belief is None or not belief.valid:
+        return None
+    seconds = (at_ns - belief.stamp_ns) * 1e-9
+    heading = belief.heading + seconds * belief.turn_rate
+    along = np.array([np.cos(belief.heading), np.sin(belief.heading), 0.0])
+    position = np.array(belief.position) + seconds * belief.speed * along
+    board_R = to_matrix(from_euler(0.0, -belief.inclination, heading))
+    return camera_R.T @ board_R, camera_R.T @ (position - camera_p)

@@ -1,0 +1,71 @@
+"""The referee: motion capture of both bodies -> contact, Algorithm 1, the magnet's verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.messages import BoardState, Contact, Event, Stage, VehicleState
+from hil.node import Inbox, Out
+from policies import contact as rule
+
+
+class Referee:
+    """Judges every new pair of motion capture samples while the attempt lasts; the first decision stands."""
+
+    name = "referee"
+    inputs = ("mocap/vehicle", "mocap/board", "run/stage")
+    outputs = ("referee/contact", "event")
+    wakes = ("mocap/vehicle",)
+    period_ns = 0
+
+    def __init__(self, rules: rule.ContactRules, inclination: float) -> None:
+        """`inclination` in rad: the board's set angle, which motion capture also measures but the car's heading not."""
+        self._rules = rules.row()
+        self._inclination = inclination
+        self._result = np.zeros(rule.RESULT_DIM)
+        self._decided: Contact | None = None
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        vehicle: VehicleState | None = inbox.latest("mocap/vehicle")
+        board: BoardState | None = inbox.latest("mocap/board")
+        stage: Stage | None = inbox.latest("run/stage")
+        if vehicle is None or board is None or stage is None or stage.name != "attempt":
+            return []
+        if self._decided is not None:
+            return [Out("referee/contact", self._decided)]
+        platform = np.array([*board.position, board.heading, board.speed, board.turn_rate, self._inclination, 0.0])
+        rule.evaluate(
+            np.array(vehicle.position),
+            np.array(vehicle.velocity),
+            np.array(vehicle.orientation),
+            np.array(vehicle.body_rate),
+            platform,
+            (now_ns - stage.attempt_start_ns) * 1e-9,
+            self._rules,
+            self._result,
+        )
+        seen = rule.view(self._result)
+        contact = Contact(
+            vehicle.stamp_ns,
+            seen.outcome,
+            seen.reason,
+            seen.attached,
+            seen.within_tolerance,
+            seen.x,
+            seen.y,
+            seen.normal_error,
+            seen.normal_speed,
+            seen.tangential_speed,
+        )
+        if seen.outcome == "ongoing":
+            return [Out("referee/contact", contact)]
+        self._decided = contact
+        held = "attached" if seen.attached else "not attached"
+        why = f" ({seen.reason})" if seen.reason else ""
+        return [
+            Out("referee/contact", contact),
+            Out("event", Event(now_ns, "info", self.name, f"{seen.outcome}{why}, {held}")),
+        ]
+
+    def close(self) -> None:
+        pass

@@ -1,0 +1,147 @@
+"""The quadrotor: driver with its gate, and the simulated autopilot and airframe behind the wire."""
+
+from __future__ import annotations
+
+from hil.gate import Gate
+from hil.messages import Action, BoardState, Contact, Event, Sent, VehicleState, VehicleStatus
+from hil.node import Inbox, Out
+from vehicle.px4_link import Px4Link
+from vehicle.px4_link_core import BEFORE_FLIGHT
+from vehicle.px4_link_types import LinkOutput, Rates
+from vehicle.px4_sim import Px4Sim
+from vehicle.wind import Wind
+
+STATUS_PERIOD_NS = 100_000_000
+GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
+
+
+class VehicleLink:
+    """Driver and gate in one node: nothing can come between the last check and the wire."""
+
+    name = "vehicle_link"
+    inputs = ("policy/action", "referee/contact")
+    outputs = ("vehicle/odometry", "vehicle/status", "vehicle/sent", "event")
+    wakes = ("policy/action",)
+    period_ns = 2_000_000
+
+    def __init__(self, link: Px4Link, gate: Gate, stands_for_truth: bool = False) -> None:
+        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where the autopilot says it is."""
+        self._link, self._gate, self._truth = link, gate, stands_for_truth
+        if stands_for_truth:
+            self.outputs = (*VehicleLink.outputs, "truth/vehicle")
+        self._odometry: VehicleState | None = None
+        self._status_ns = -STATUS_PERIOD_NS
+        self._phase = ""
+        self._aborted = False
+
+    def abort(self, why: str) -> None:
+        """Hand back to the autopilot, which lands; on the ground, go no further."""
+        self._aborted = True
+        self._link.release()
+
+    @property
+    def safe(self) -> bool:
+        """On the ground or perched, as far as the autopilot has said."""
+        return self._link.phase in GROUND_PHASES or not self._link.armed
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        if self._aborted and self._link.phase in GROUND_PHASES:
+            return []
+        contact: Contact | None = inbox.latest("referee/contact")
+        if contact is not None and contact.outcome != "ongoing":
+            self._end(contact)
+        actions = [action for action in inbox.new("policy/action") if action.engaged]
+        newest = actions[-1] if actions and not self._aborted else None
+        command, sent, tripped = self._checked(now_ns, newest)
+        said = self._link.step(now_ns, command)
+        outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in said.notes]
+        if tripped:
+            outs.append(Out("event", Event(now_ns, "error", "gate", f"gate tripped: {tripped}")))
+        for sample in said.odometry:
+            self._odometry = VehicleState(*sample)
+            outs.append(Out("vehicle/odometry", self._odometry))
+            if self._truth:
+                outs.append(Out("truth/vehicle", self._odometry))
+        if sent is not None and (said.sent_thrust is not None or tripped):
+            outs.append(Out("vehicle/sent", _with_thrust(sent, said)))
+        if said.phase != self._phase or now_ns - self._status_ns >= STATUS_PERIOD_NS:
+            self._status_ns, self._phase = now_ns, said.phase
+            outs.append(Out("vehicle/status", _status(now_ns, said)))
+        return outs
+
+    def _checked(self, now_ns: int, action: Action | None) -> tuple[Rates | None, Sent | None, str]:
+        """(what to send, its record, why the gate tripped just now)."""
+        if action is None or self._gate.tripped:
+            return None, None, ""
+        sent = self._gate.check(now_ns, action, self._odometry)
+        if sent is not None:
+            return Rates(sent.body_rate, sent.thrust), sent, ""
+        if self._gate.tripped:
+            return None, Sent(now_ns, (0.0, 0.0, 0.0), 0.0, 0.0, False, self._gate.tripped), self._gate.tripped
+        return None, None, ""
+
+    def _end(self, contact: Contact) -> None:
+        """Perched: motors off. Not perched: back to the autopilot, which lands."""
+        if contact.attached:
+            self._link.kill()
+        else:
+            self._link.release()
+
+    @property
+    def garbage(self) -> int:
+        """Bytes on the vehicle's wire that were no MAVLink."""
+        return self._link.garbage
+
+    @property
+    def refused(self) -> int:
+        """Commands that came too old to be sent."""
+        return self._gate.refused
+
+    def close(self) -> None:
+        pass
+
+
+def _with_thrust(sent: Sent, said: LinkOutput) -> Sent:
+    return Sent(sent.stamp_ns, sent.body_rate, sent.thrust, said.sent_thrust or 0.0, sent.limited, sent.tripped)
+
+
+def _status(now_ns: int, said: LinkOutput) -> VehicleStatus:
+    return VehicleStatus(
+        now_ns,
+        said.connected,
+        said.armed,
+        said.landed,
+        said.failsafe,
+        said.mode,
+        said.phase,
+        said.battery_v,
+        said.hover_thrust,
+    )
+
+
+class VehicleDevice:
+    """The software PX4 with its airframe; when the magnet holds, the vehicle rides on the board."""
+
+    name = "vehicle_device"
+    inputs = ("referee/contact", "truth/board")
+    outputs = ("truth/vehicle",)
+    wakes = ()
+    period_ns = 4_000_000
+
+    def __init__(self, sim: Px4Sim, wind: Wind | None = None) -> None:
+        self._sim, self._wind = sim, wind
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        contact: Contact | None = inbox.latest("referee/contact")
+        board: BoardState | None = inbox.latest("truth/board")
+        if contact is not None and contact.attached and board is not None:
+            self._sim.attach(board.position, board.orientation, board.stamp_ns)
+        if self._wind is not None:
+            self._sim.set_wind(self._wind.at(now_ns))
+        self._sim.step(now_ns)
+        truth = self._sim.truth()
+        state = VehicleState(now_ns, truth.position, truth.velocity, truth.orientation, truth.body_rate)
+        return [Out("truth/vehicle", state)]
+
+    def close(self) -> None:
+        pass

@@ -1,0 +1,200 @@
+"""Several runs on one page: success per scenario with exact intervals, where they touched, a line a run."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from markupsafe import Markup
+
+from hil.binomial import interval
+from hil.report.manifest import clean_manifest, clean_score, nested
+from hil.report.page import asset, template
+from hil.report.section import table
+from hil.report.sections.paper_row import number, yes
+from hil.report.svg import Plane
+from hil.report.verdict import WHY
+from hil.runs import Run
+from scenarios.paper import RealRow, SimulatedRow, published
+from scenarios.spec import Tolerance
+from scenarios.toml_errors import ConfigError
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Line:
+    """One run of a campaign: its folder's name, manifest and score."""
+
+    name: str
+    manifest: dict[str, Any]
+    score: dict[str, Any]
+
+    @property
+    def group(self) -> tuple[str, str]:
+        """Runs are counted together if scenario and identity (sim, real) are the same."""
+        return nested(self.manifest, "scenario").get("name", "unknown"), self.manifest.get("identity", "unknown")
+
+    @property
+    def policy(self) -> str:
+        return nested(self.manifest, "policy").get("name", "unknown")
+
+
+def gather(runs: Sequence[Run]) -> tuple[list[Line], list[str]]:
+    """The runs that have a score, and a line for each that has none. Raises RunError for an unreadable file."""
+    lines, skipped = [], []
+    for run in runs:
+        notes: list[str] = []
+        score, manifest = clean_score(run.score, notes), clean_manifest(run.manifest, notes)
+        if score is None or score.get("outcome") == "incomplete":
+            why = "no score" if score is None else "ended before the referee decided"
+            skipped.append(f"{run.path.name}: {notes[0] if notes else why}")
+        else:
+            lines.append(Line(run.path.name, manifest, score))
+    return lines, skipped
+
+
+def render(runs: Sequence[Run], title: str = "Campaign") -> str:
+    """The campaign's page. Raises ValueError if not one run has a verdict."""
+    lines, skipped = gather(runs)
+    if not lines:
+        raise ValueError(f"none of the {len(runs)} runs has a verdict: there is nothing to count")
+    groups: dict[tuple[str, str], list[Line]] = {}
+    for line in sorted(lines, key=lambda line: (*line.group, line.policy, line.name)):
+        groups.setdefault(line.group, []).append(line)
+    mixed = [
+        f"{name} ({identity}) mixes policies: {', '.join(policies)}. Their counts are added up."
+        for (name, identity), group in groups.items()
+        if len(policies := sorted({line.policy for line in group})) > 1
+    ]
+    return template("campaign.html.j2").render(
+        title=title,
+        css=Markup(asset("report.css")),
+        runs=len(lines),
+        confidence=round(100 * CONFIDENCE),
+        skipped=skipped,
+        mixed=mixed,
+        summary=_summary(groups),
+        groups=[_group(name, identity, group) for (name, identity), group in groups.items()],
+    )
+
+
+def _summary(groups: dict[tuple[str, str], list[Line]]) -> Markup:
+    rows: list[tuple[object, ...]] = []
+    for (name, identity), group in groups.items():
+        rates = [_rate(sum(line.score[key] for line in group), len(group)) for key in ("within_tolerance", "attached")]
+        medians = [
+            number(_median([line.score["metrics"][key] for line in group]), digits)
+            for key, digits in (("planar", 3), ("normal_alignment_deg", 2), ("impact_tangential", 2), ("duration", 2))
+        ]
+        rows.append(
+            (Markup('<a href="#{0}-{1}">{0}</a> <span class="tag">{1}</span>').format(name, identity), *rates, *medians)
+        )
+    head = ("scenario", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s", "time s")
+    return table(head, rows, "campaign")
+
+
+def _rate(successes: int, runs: int) -> Markup:
+    low, high = interval(successes, runs, CONFIDENCE)
+    left, width, tick = 100 * low, 100 * (high - low), 100 * successes / runs
+    return Markup(
+        '{} of {} <span class="small">({}–{} %)</span>'
+        '<span class="interval"><i style="left:{}%;width:{}%"></i><b style="left:{}%"></b></span>'
+    ).format(successes, runs, f"{100 * low:.0f}", f"{100 * high:.0f}", f"{left:.1f}", f"{width:.1f}", f"{tick:.1f}")
+
+
+def _group(name: str, identity: str, group: list[Line]) -> dict[str, Any]:
+    title = nested(group[0].manifest, "scenario").get("title", name)
+    words = {"sim": "simulated", "real": "real vehicle"}.get(identity, identity)
+    reasons = Counter(
+        "perched within tolerance"
+        if line.score["within_tolerance"]
+        else "; ".join(WHY.get(r) or str(r) for r in line.score["reasons"])
+        for line in group
+    )
+    rows = [(text or "no reason given", count) for text, count in reasons.most_common()]
+    return {
+        "name": f"{name}-{identity}",
+        "title": f"{title} ({words})",
+        "scatter": _scatter(group),
+        "reasons": table(("outcome", "runs"), list(rows), "narrow"),
+        "published": _published(group[0]),
+        "table": _runs(group),
+    }
+
+
+def _scatter(group: list[Line]) -> Markup:
+    """Where the magnets met the board, board frame."""
+    tolerance = _tolerance(group[0]).distance
+    plane = Plane((-0.32, 0.32), (-0.32, 0.32), width=380, max_height=380, name="Touchdown points in the board's frame")
+    plane.axes("y, to the board's left (m)", "x, up-slope (m)", mirrored=True)
+    half = nested(group[0].manifest, "scenario", "board").get("size", 0.42) / 2
+    plane.polygon([(-half, -half), (half, -half), (half, half), (-half, half)], "fill:#f3ece3;stroke:#a0662f")
+    plane.circle(0, 0, tolerance, "fill:rgba(18,128,92,.10);stroke:#12805c;stroke-dasharray:5 3", tip="tolerance")
+    for line in group:
+        m = line.score["metrics"]
+        if m["x"] is not None and math.isfinite(m["x"]) and math.isfinite(m["y"]):
+            colour = "#12805c" if line.score["within_tolerance"] else "#a85b00" if line.score["attached"] else "#c4262e"
+            plane.dot(-m["y"], m["x"], 4, f"fill:{colour};fill-opacity:.75;stroke:#fff", tip=line.name)
+    return plane.svg()
+
+
+def _published(line: Line) -> Markup:
+    try:
+        row = published(line.manifest["scenario"]["published"])
+    except (KeyError, TypeError, ConfigError, AttributeError):
+        return Markup('<p class="small">This scenario names no published row.</p>')
+    if isinstance(row, SimulatedRow):
+        text = f"Published, simulated: {row.success_percent:g} % success, position error {row.position_error:g} m, "
+        text += f"tangential {row.tangential_speed:g} m/s."
+        return Markup('<p class="small">{}</p>').format(text)
+    assert isinstance(row, RealRow)
+    text = f"Published flight: planar {row.planar:g} m, alignment {row.normal_alignment_deg:g} deg, "
+    text += f"tangential {row.impact_tangential:g} m/s"
+    if row.flights:
+        low, high = interval(*row.flights, CONFIDENCE)
+        text += f"; a later version reports {row.flights[0]} of {row.flights[1]} flights perched "
+        text += f"({100 * low:.0f}–{100 * high:.0f} %)"
+    return Markup('<p class="small">{}.</p>').format(text)
+
+
+def _runs(group: list[Line]) -> Markup:
+    rows: list[tuple[object, ...]] = []
+    for line in group:
+        m = line.score["metrics"]
+        rows.append(
+            (
+                Markup('<span title="{}">{}</span>').format(line.name, line.manifest.get("seed", "–")),
+                line.policy,
+                yes(line.score["within_tolerance"]),
+                yes(line.score["attached"]),
+                number(m["planar"], 3),
+                number(m["normal_alignment_deg"], 2),
+                number(m["impact_tangential"], 2),
+                number(m["impact_normal"], 2),
+                number(m["duration"], 2),
+                number(m["blind_time"], 2),
+                "; ".join(line.score["reasons"]),
+                Markup('<span class="small">{}</span>').format(line.name),
+            )
+        )
+    head = (
+        "seed", "policy", "within", "attached", "planar m", "normal deg", "tangential m/s", "impact m/s", "time s",
+        "blind s", "why not", "run",
+    )  # fmt: skip
+    return table(head, rows, "runs")
+
+
+def _tolerance(line: Line) -> Tolerance:
+    return Tolerance.model_validate(nested(line.manifest, "scenario", "tolerance"))
+
+
+def _median(values: Sequence[float | None]) -> float | None:
+    known = sorted(v for v in values if v is not None)
+    if not known:
+        return None
+    middle = len(known) // 2
+    return known[middle] if len(known) % 2 else (known[middle - 1] + known[middle]) / 2

@@ -1,0 +1,137 @@
+"""Puts a report together: `flight_page(run)`, `compare_page(a, b)`. One HTML text, nothing loaded from outside."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from hil.report.charts import Pack, TimePlot
+from hil.report.manifest import nested
+from hil.report.recorded import Recorded
+from hil.report.section import Section
+from hil.report.sections import build_all
+from hil.report.sections.events import marks, phases
+from hil.report.verdict import verdict
+
+_HERE = Path(__file__).parent
+
+
+def render(recorded: Sequence[Recorded]) -> str:
+    """The page of one flight, or of two side by side."""
+    pack = Pack()
+    built = [build_all(flight) for flight in recorded]
+    rows = [
+        {
+            "ident": cells[0].ident,
+            "title": cells[0].title,
+            "cells": [_cell(pack, i, r, s) for i, (r, s) in enumerate(zip(recorded, cells, strict=True))],
+        }
+        for cells in zip(*built, strict=True)
+    ]
+    flights = [_head(flight) for flight in recorded]
+    title = " against ".join(flight.name for flight in recorded)
+    data = {**pack.table(), "flights": [_axis(flight) for flight in recorded]}
+    return template("flight.html.j2").render(
+        title=title,
+        flights=flights,
+        rows=rows,
+        css=Markup(asset("report.css")),
+        script=Markup(asset("plots.js") + asset("scene.js")),
+        data=embedded(data),
+    )
+
+
+def _cell(pack: Pack, flight: int, recorded: Recorded, section: Section) -> dict[str, Any]:
+    parts = []
+    for part in section.parts:
+        if isinstance(part, TimePlot):
+            ident = pack.add(flight, recorded, part)
+            parts.append(
+                Markup('<figure class="plot" id="{}" style="min-height:{}px"></figure>').format(ident, part.height)
+            )
+        else:
+            parts.append(part)
+    return {"parts": parts, "lost": section.lost if section.ident != "missing" else []}
+
+
+def _head(recorded: Recorded) -> dict[str, Any]:
+    manifest, scenario = recorded.manifest, recorded.scenario
+    facts = [
+        ("scenario", nested(manifest, "scenario").get("name")),
+        ("seed", manifest.get("seed")),
+        ("policy", nested(manifest, "policy").get("name")),
+    ]
+    facts += [
+        ("rig", nested(manifest, "rig").get("title")),
+        ("host", manifest.get("host")),
+        ("flown", _moment(nested(manifest, "wall_clock").get("started_utc"))),
+    ]
+    faults = list(recorded.recording.faults)
+    if not recorded.recording.complete and not faults:
+        faults.append("the writer did not finish it")
+    return {
+        "name": recorded.name,
+        "title": scenario.title if scenario else recorded.name,
+        "identity": {"sim": "simulated", "real": "real vehicle"}.get(manifest.get("identity", ""), "origin unknown"),
+        "facts": [(name, value) for name, value in facts if value is not None],
+        "verdict": verdict(recorded),
+        "faults": faults,
+        "state": manifest.get("state", "finished") if manifest else "finished",
+        "notes": recorded.notes,
+    }
+
+
+def _axis(recorded: Recorded) -> dict[str, Any]:
+    """The time axis's ranges, marks and phases, in seconds from the attempt's start."""
+    start, end = recorded.window_ns
+    first, last = recorded.span_ns
+
+    def s(t_ns: int) -> float:
+        return round(float(recorded.seconds(t_ns)), 4)
+
+    return {
+        "name": recorded.name,
+        "home": [s(start) - 0.1, s(end)],
+        "full": [s(first), s(last)],
+        "decided": s(recorded.decided_ns) if recorded.decided_ns is not None else None,
+        "marks": [[s(m.t_ns), m.severity, m.text, m.label] for m in marks(recorded)],
+        "phases": [[s(a), s(b), name] for a, b, name in phases(recorded)],
+    }
+
+
+def _moment(text: str | None) -> str | None:
+    """`2026-01-02T03:04:05.678+00:00` as a reader likes it."""
+    return f"{text[:10]} {text[11:19]} UTC" if isinstance(text, str) and text.endswith("+00:00") else text
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(_HERE / "assets"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def template(name: str) -> Any:
+    """A page's template."""
+    return _environment().get_template(name)
+
+
+def asset(name: str) -> str:
+    """A file that is written into the page."""
+    return (_HERE / "assets" / name).read_text(encoding="utf-8")
+
+
+def embedded(data: Any) -> Markup:
+    """JSON that may stand in a script element."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028"))

@@ -1,0 +1,32 @@
+"""The car under the board: reference, command, its own report, truth."""
+
+from __future__ import annotations
+
+from hil.report.charts import ASKED, BELIEF, BOARD, VEHICLE, TimePlot
+from hil.report.recorded import Recorded
+from hil.report.section import Section
+
+_SOURCES = (
+    ("reference", "car/reference", ASKED, "dash"),
+    ("commanded", "car/command", VEHICLE, "step"),
+    ("reported by the car", "car/feedback", BELIEF, "step"),
+)
+
+
+def build(recorded: Recorded) -> Section:
+    section = Section("car", "The car: reference, command, answer")
+    speed = TimePlot("car-speed", "Car speed", "m/s", height=130)
+    turn = TimePlot("car-turn", "Car turn rate", "rad/s", height=110)
+    for name, topic, colour, style in _SOURCES:
+        if section.needs(recorded, f"the car's {name.split()[0]} speed and turn rate", topic):
+            columns = recorded.topics[topic]
+            speed.add(name, colour, columns.nanoseconds(), columns["speed"], style)
+            turn.add(name, colour, columns.nanoseconds(), columns["turn_rate"], style)
+    if section.needs_pose(recorded, "the car's true speed and turn rate", vehicle=False):
+        board = recorded.topics[recorded.board_source]
+        speed.add(recorded.board_source, BOARD, board.nanoseconds(), board["speed"])
+        turn.add(recorded.board_source, BOARD, board.nanoseconds(), board["turn_rate"])
+    if speed.series:
+        section.plot(speed)
+        section.plot(turn)
+    return section

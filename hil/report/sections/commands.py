@@ -1,0 +1,103 @@
+"""Asked, sent, achieved: body rates and thrust from the policy through the gate to the vehicle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hil.report.charts import ASKED, BAD, BOARD, VEHICLE, TimePlot
+from hil.report.columns import Columns
+from hil.report.geometry import specific_thrust
+from hil.report.manifest import nested
+from hil.report.recorded import Recorded
+from hil.report.section import Section, table
+
+
+def build(recorded: Recorded) -> Section:
+    section = Section("commands", "Commands: asked, sent, achieved")
+    asked = (
+        recorded.topics.get("policy/action")
+        if section.needs(recorded, "commands asked by the policy", "policy/action")
+        else None
+    )
+    sent = (
+        recorded.topics.get("vehicle/sent")
+        if section.needs(recorded, "commands sent after the gate", "vehicle/sent")
+        else None
+    )
+    achieved = recorded.topics.get(recorded.vehicle_source)
+    if achieved is None:
+        section.lost.append(
+            ("achieved body rates and thrust", "no messages on truth/vehicle, mocap/vehicle or vehicle/odometry")
+        )
+    if asked is None and sent is None:
+        return section
+    limits = nested(recorded.manifest, "rig", "gate")
+    thrust = limits.get("thrust")
+    low, high = thrust if isinstance(thrust, list) and len(thrust) == 2 else (None, None)
+    for axis, name in enumerate(("roll rate p", "pitch rate q", "yaw rate r")):
+        plot = TimePlot(f"rate-{axis}", f"Body {name}", "rad/s", height=120)
+        _both(plot, asked, sent, lambda c, axis=axis: c["body_rate"][:, axis])
+        if achieved is not None:
+            plot.add("achieved", BOARD, achieved.nanoseconds(), achieved["body_rate"][:, axis])
+        _limits(plot, limits.get("rate"))
+        _keep(plot, recorded, limits.get("rate"))
+        section.plot(plot)
+    plot = TimePlot("thrust", "Mass-normalised collective thrust", "m/s²", height=140)
+    _both(plot, asked, sent, lambda c: c["thrust"])
+    if recorded.vehicle is not None:
+        plot.add("achieved, from velocity", BOARD, recorded.vehicle.t, specific_thrust(recorded.vehicle))
+    plot.lines += [(float(v), f"gate, {side}") for v, side in ((low, "least"), (high, "most")) if v is not None]
+    _keep(plot, recorded, high, low=0.0)
+    section.plot(plot)
+    if sent is not None:
+        _counts(section, recorded, sent)
+    return section
+
+
+def _both(plot: TimePlot, asked: Columns | None, sent: Columns | None, values: Any) -> None:
+    if asked is not None:
+        engaged = asked["engaged"] > 0
+        plot.add("asked", ASKED, asked.nanoseconds(), np.where(engaged, values(asked), np.nan), "dash")
+    if sent is not None:
+        went = np.array([not m.tripped for m in sent.messages])
+        plot.add("sent", VEHICLE, sent.nanoseconds(), np.where(went, values(sent), np.nan), "step")
+        limited = sent["limited"] > 0
+        if limited.any():
+            plot.add("limited by the gate", BAD, sent.nanoseconds()[limited], values(sent)[limited], "dots")
+
+
+def _limits(plot: TimePlot, rate: Any) -> None:
+    if isinstance(rate, int | float):
+        plot.lines += [(float(rate), "gate"), (-float(rate), "")]
+
+
+def _keep(plot: TimePlot, recorded: Recorded, limit: Any, low: float | None = None) -> None:
+    """The impact is a spike far beyond every command: leave the axis at what was flown before it."""
+    end = recorded.decided_ns or recorded.window_ns[1]
+    start = recorded.window_ns[0]
+    flown = [s.y[(s.t >= start) & (s.t < end - 20_000_000)] for s in plot.series]
+    values = np.concatenate([y[np.isfinite(y)] for y in flown]) if flown else np.empty(0)
+    if not len(values):
+        return
+    bottom, top = float(values.min()), float(values.max())
+    if isinstance(limit, int | float):
+        top = max(top, min(float(limit), 1.3 * top))
+    room = 0.06 * max(top - bottom, 0.5)
+    plot.fixed = (bottom - room if low is None else min(low, bottom), top + room)
+
+
+def _counts(section: Section, recorded: Recorded, sent: Columns) -> None:
+    chosen = recorded.during(sent.nanoseconds())
+    during = [m for m, keep in zip(sent.messages, chosen, strict=True) if keep]
+    trips = [m for m in sent.messages if m.tripped]
+    went = [m for m in during if not m.tripped]
+    rows: list[tuple[object, ...]] = [
+        ("commands sent during the attempt", len(went)),
+        ("of them limited by the gate", sum(m.limited for m in went)),
+    ]
+    rows += [(f"gate tripped at {recorded.seconds(m.stamp_ns):.3f} s", m.tripped) for m in trips]
+    if not trips:
+        rows.append(("gate trips", "none"))
+    section.html(table(("", ""), rows, "narrow"))

@@ -1,0 +1,100 @@
+"""Estimate against truth: the belief about the board, single detections, the autopilot's odometry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.report.charts import BAD, BELIEF, BOARD, MUTED, SEEN, VEHICLE, TimePlot
+from hil.report.geometry import Motion, at, axes, nose_up_deg
+from hil.report.recorded import Recorded
+from hil.report.section import Section
+
+# Indices of the filter's state in Belief.variance: x, y, z, heading, speed, turn rate, inclination, acceleration.
+_X, _Y, _Z, _SPEED = 0, 1, 2, 4
+
+
+def build(recorded: Recorded) -> Section:
+    section = Section("estimate", "Estimate against truth")
+    what = "errors of the board's estimate"
+    if section.needs_pose(recorded, what, vehicle=False) and section.needs(recorded, what, "belief"):
+        assert recorded.board is not None
+        _belief(section, recorded, recorded.board)
+    if section.needs(recorded, "errors of the odometry", "vehicle/odometry"):
+        if recorded.vehicle is None or recorded.vehicle_source == "vehicle/odometry":
+            section.lost.append(("errors of the odometry", "no messages on truth/vehicle or mocap/vehicle"))
+        else:
+            _odometry(section, recorded, recorded.vehicle)
+    return section
+
+
+def _belief(section: Section, recorded: Recorded, truth: Motion) -> None:
+    belief = recorded.topics["belief"]
+    t, known = belief.nanoseconds(), belief["valid"] > 0
+    there = at(truth, t)
+    error = belief["position"] - there.position
+    frame = axes(there.orientation)
+    heading = np.arctan2(-frame[:, 0, 1], frame[:, 1, 1])  # of the board's left axis, which stays level
+    c, s = np.cos(heading), np.sin(heading)
+    ahead, left = c * error[:, 0] + s * error[:, 1], -s * error[:, 0] + c * error[:, 1]
+
+    def only(values: np.ndarray) -> np.ndarray:
+        return np.where(known, values, np.nan)
+
+    plot = TimePlot("belief-position", "Board position, estimate minus truth", "m")
+    for name, colour, values in (("ahead", BELIEF, ahead), ("left", BOARD, left), ("up", VEHICLE, error[:, 2])):
+        plot.add(name, colour, t, only(values))
+    variance = belief["variance"]
+    if variance.ndim == 2 and variance.shape[1] > _Z:
+        two_sigma = 2 * np.sqrt(np.maximum(0.0, variance[:, [_X, _Y, _Z]].max(axis=1)))
+        plot.add("2 sigma of the filter", MUTED, t, only(two_sigma), "dash")
+        plot.add("", MUTED, t, only(-two_sigma), "dash")
+    _settle(plot, 0.6)
+    section.plot(plot)
+
+    detections = recorded.topics.get("board/detection")
+    if detections is not None and (detections["found"] > 0).any():
+        found = detections["found"] > 0
+        exposed = detections.nanoseconds()[found]
+        miss = np.linalg.norm(detections["position"][found] - at(truth, exposed).position, axis=1)
+        plot = TimePlot(
+            "detection-error", "Board position, single detections: distance from truth at exposure", "m", height=120
+        )
+        plot.add("detection", SEEN, exposed, miss, "dots")
+        plot.add("one sigma, predicted", MUTED, exposed, detections["position_sigma"][found], "dots")
+        section.plot(plot)
+    else:
+        section.lost.append(("errors of single detections", "no picture showed the board"))
+
+    plot = TimePlot("belief-angles", "Board heading and inclination, estimate minus truth", "deg", height=120)
+    turn = (belief["heading"] - heading + np.pi) % (2 * np.pi) - np.pi
+    plot.add("heading", BELIEF, t, only(np.degrees(turn)))
+    plot.add("inclination", BOARD, t, only(np.degrees(belief["inclination"]) - nose_up_deg(there.orientation)))
+    _settle(plot, 30.0)
+    section.plot(plot)
+
+    plot = TimePlot("belief-speed", "Board speed, estimate and truth", "m/s", height=120)
+    along = c * there.velocity[:, 0] + s * there.velocity[:, 1]
+    plot.add("estimate", BELIEF, t, only(belief["speed"]))
+    plot.add("truth", BOARD, t, along, "dash")
+    section.plot(plot)
+
+
+def _odometry(section: Section, recorded: Recorded, truth: Motion) -> None:
+    odometry = recorded.motion("vehicle/odometry")
+    if odometry is None:
+        section.lost.append(("errors of the odometry", "no usable sample"))
+        return
+    there = at(truth, odometry.t)
+    plot = TimePlot("odometry", "The vehicle's own estimate: distance from truth", "m, m/s, deg/10", height=120)
+    plot.add("position (m)", VEHICLE, odometry.t, np.linalg.norm(odometry.position - there.position, axis=1))
+    plot.add("velocity (m/s)", BOARD, odometry.t, np.linalg.norm(odometry.velocity - there.velocity, axis=1))
+    dot = np.clip(np.abs(np.sum(odometry.orientation * there.orientation, axis=1)), 0.0, 1.0)
+    plot.add("attitude (deg / 10)", BAD, odometry.t, np.degrees(2 * np.arccos(dot)) / 10, "dash")
+    section.plot(plot)
+
+
+def _settle(plot: TimePlot, most: float) -> None:
+    """Keep the axis readable if the estimate runs away: not beyond `most` unless the median itself is."""
+    values = np.concatenate([s.y[np.isfinite(s.y)] for s in plot.series])
+    if len(values) and np.abs(values).max() > most >= 2 * np.median(np.abs(values)):
+        plot.fixed = (-most, most)

@@ -1,0 +1,23 @@
+"""What the recording does not hold, and which plots that costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hil.record import PICTURES
+from hil.report.recorded import Recorded
+from hil.report.section import Section, table
+from hil.topics import TOPICS
+
+
+def build(recorded: Recorded, told: Sequence[Section]) -> Section:
+    section = Section("missing", "What is missing")
+    lost = [(section.title, plot, why) for section in told for plot, why in section.lost]
+    silent = [name for name, topic in TOPICS.items() if topic.recorded and not recorded.has(name) and name != PICTURES]
+    if lost:
+        section.html(table(("section", "not drawn", "because"), list(lost), "left"))
+    if silent:
+        section.text(f"Topics of the contract without a message: {', '.join(silent)}.")
+    if not lost and not silent:
+        section.text("Nothing: every topic of the contract has messages, and every plot is drawn.")
+    return section

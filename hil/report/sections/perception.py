@@ -1,0 +1,93 @@
+"""What the camera saw of the board: tags a picture, reliability rho, rate, and why pictures showed nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from hil.report.charts import BAD, BELIEF, MUTED, SEEN, TimePlot
+from hil.report.columns import Columns
+from hil.report.recorded import Recorded
+from hil.report.section import Section, table
+
+_RATE_WINDOW_S = 0.5
+
+
+def build(recorded: Recorded) -> Section:
+    section = Section("perception", "Tag visibility and reliability")
+    if section.needs(recorded, "tags a picture, perception rate, reasons for not seeing", "board/detection"):
+        detections = recorded.topics["board/detection"]
+        _tags(section, detections)
+        _in_picture(section, detections)
+        _rate(section, recorded, detections)
+    if section.needs(recorded, "reliability rho", "belief"):
+        belief = recorded.topics["belief"]
+        t, known = belief.nanoseconds(), belief["valid"] > 0
+        plot = TimePlot("rho", "Reliability rho, and age of the newest accepted picture", "–, s", fixed=(0.0, 1.05))
+        plot.add("rho", BELIEF, t, np.where(known, belief["rho"], np.nan))
+        age = (t - belief.nanoseconds("last_exposure_ns")) / 1e9
+        plot.add("age (s)", MUTED, t, np.where(known & (belief["last_exposure_ns"] > 0), age, np.nan), "dash")
+        section.plot(plot)
+    if recorded.has("board/detection"):
+        _reasons(section, recorded, recorded.topics["board/detection"])
+    return section
+
+
+def _tags(section: Section, detections: Columns) -> None:
+    counts = np.array([len(ids) for ids in detections["tag_ids"]], dtype=np.float64)
+    t, found = detections.nanoseconds(), detections["found"] > 0
+    if counts.any():
+        plot = TimePlot("tags", "Tags found a picture", "tags", height=110)
+        plot.add("board found", SEEN, t, np.where(found, counts, np.nan), "dots")
+        plot.add("not found", BAD, t, np.where(found, np.nan, counts), "dots")
+        plot.fixed = (-0.3, float(counts.max()) + 0.5)
+    else:
+        section.lost.append(("number of tags a picture", "the detections name no tags (a camera model, no pictures)"))
+        plot = TimePlot("tags", "Board found in the picture", "1 yes, 0 no", height=90, fixed=(-0.2, 1.2))
+        plot.add("found", SEEN, t, np.where(found, 1.0, np.nan), "dots")
+        plot.add("not found", BAD, t, np.where(found, np.nan, 0.0), "dots")
+    section.plot(plot)
+
+
+def _in_picture(section: Section, detections: Columns) -> None:
+    """Where in the picture the tags' corners were: leaving it at an edge is how sight is lost."""
+    corners = [np.asarray(c, dtype=np.float64).reshape(-1, 2) for c in detections["corners_px"]]
+    if not any(len(c) for c in corners):
+        section.lost.append(("the tags' place in the picture", "the detections name no corners"))
+        return
+    t = detections.nanoseconds()
+    low = np.array([c[:, 1].min() if len(c) else np.nan for c in corners])
+    high = np.array([c[:, 1].max() if len(c) else np.nan for c in corners])
+    plot = TimePlot("corners", "Rows of the picture that the tags' corners spanned", "px from the top", height=120)
+    plot.add("highest corner", SEEN, t, low, "dots")
+    plot.add("lowest corner", BELIEF, t, high, "dots")
+    section.plot(plot)
+
+
+def _rate(section: Section, recorded: Recorded, detections: Columns) -> None:
+    t, found = detections.log_ns, detections["found"] > 0
+    window = round(_RATE_WINDOW_S * 1e9) - 1_000_000  # a whole number of periods must not count one more
+    plot = TimePlot("rate", f"Perception rate over the last {_RATE_WINDOW_S:g} s", "Hz", height=120)
+    for name, colour, chosen in (("pictures looked at", MUTED, t), ("board found", SEEN, t[found])):
+        counts = np.searchsorted(chosen, t, side="right") - np.searchsorted(chosen, t - window, side="right")
+        young = t - t[0] < window
+        plot.add(
+            name, colour, t, np.where(young, np.nan, counts / _RATE_WINDOW_S), "dash" if colour == MUTED else "line"
+        )
+    if recorded.scenario:
+        plot.lines.append((recorded.scenario.camera.rate, "desired"))
+    section.plot(plot)
+
+
+def _reasons(section: Section, recorded: Recorded, detections: Columns) -> None:
+    chosen = recorded.during(detections.nanoseconds())
+    total = int(chosen.sum())
+    if total == 0:
+        return
+    seen = [m for m, keep in zip(detections.messages, chosen, strict=True) if keep]
+    counts = Counter("board found" if m.found else m.reason or "no reason given" for m in seen)
+    rows: list[tuple[object, ...]] = [
+        (name, count, f"{100 * count / total:.0f} %") for name, count in counts.most_common()
+    ]
+    section.html(table(("outcome of a picture, during the attempt", "pictures", "share"), rows, "narrow"))

@@ -1,0 +1,59 @@
+"""Which page the paths ask for, and where it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hil.report import campaign, page
+from hil.report.recorded import load
+from hil.runs import MANIFEST, RECORDING, Run, RunError, list_runs, open_run
+
+
+def write_report(runs: Sequence[Path], compare: Path | None = None, out: Path | None = None) -> Path:
+    """Write the report of `runs` and return its path: of one run, of two side by side, or of a campaign of several.
+
+    Raises ReadError or RunError if a path is no run, ValueError if the wish makes no sense, OSError if `out` cannot be
+    written.
+    """
+    folders = _expand(runs)
+    if compare is not None:
+        if len(folders) != 1:
+            raise ValueError(f"--compare puts one run beside another; {len(folders)} runs were given before it")
+        first, second = load(folders[0]), load(compare)
+        html, target = page.render([first, second]), _beside(folders[0], f"report_vs_{second.name}.html")
+    elif len(folders) == 1:
+        html, target = page.render([load(folders[0])]), _beside(folders[0], "report.html")
+    else:
+        html = campaign.render([open_run(folder) for folder in folders])
+        target = _common(folders) / "campaign.html"
+    target = out or target
+    scratch = target.with_name(f".{target.name}.new")
+    try:
+        scratch.write_text(html, encoding="utf-8")
+        scratch.replace(target)
+    finally:
+        scratch.unlink(missing_ok=True)
+    return target
+
+
+def _expand(paths: Sequence[Path]) -> list[Path]:
+    """Folders of runs give way to the runs in them."""
+    found: list[Path] = []
+    for path in paths:
+        inside: list[Run] = []
+        if path.is_dir() and not (path / MANIFEST).exists() and not (path / RECORDING).exists():
+            inside = list_runs(path)
+            if not inside:
+                raise RunError(f"{path}: is neither a run folder (no {MANIFEST}) nor a folder of runs")
+        found += [run.path for run in inside] or [path]
+    return found
+
+
+def _beside(run: Path, name: str) -> Path:
+    return run / name if run.is_dir() else run.with_name(f"{run.stem}_{name}" if run.name != RECORDING else name)
+
+
+def _common(folders: Sequence[Path]) -> Path:
+    parents = {folder.resolve().parent for folder in folders}
+    return parents.pop() if len(parents) == 1 else Path()

@@ -1,0 +1,136 @@
+"""A rig: which link fills each slot, with which delays. Swapping simulated for real is one line of its TOML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from hil.gate import GateLimits
+from hil.wires import WireError
+from hil.wires.url import check_url
+from scenarios.toml_errors import ConfigError, load_toml, nearest
+
+RIG_DIR = Path(__file__).parent / "rigs"
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class VehicleSlot(_Section):
+    """The quadrotor's autopilot. While motion capture or camera are simulated, a real vehicle's own estimate stands for
+    its true pose in what they see."""
+
+    kind: Literal["sim", "mavlink"] = "sim"
+    url: str = Field(default="", description="of kind mavlink: udp://:14540, tcp://HOST:PORT, serial:///dev/ttyACM0")
+    airframe: str = "paper_quad"
+    clock_drift: float = Field(default=1e-4, gt=0, le=0.1, description="of the autopilot's clock; a SITL needs 0.03")
+    signing_key: str = Field(
+        default="", description="file with the 32 bytes of a MAVLink 2 signing key; empty: unsigned"
+    )
+    wire_delay_ms: float = Field(default=1.0, ge=0, le=100, description="one way, each direction; in lockstep")
+
+    @field_validator("url")
+    @classmethod
+    def _readable(cls, value: str) -> str:
+        if value:
+            try:
+                check_url(value)
+            except WireError as error:
+                raise ValueError(str(error)) from None
+        return value
+
+    @model_validator(mode="after")
+    def _reachable(self) -> VehicleSlot:
+        if (self.kind == "mavlink") != bool(self.url):
+            raise ValueError('kind "mavlink" needs a url, kind "sim" has none')
+        return self
+
+
+class GroundcarSlot(_Section):
+    """The car under the board. `interface` and `channel` are python-can's, for kind can."""
+
+    kind: Literal["sim", "can"] = "sim"
+    interface: Literal["socketcan", "udp_multicast", "virtual"] = "socketcan"
+    channel: str = "can0"
+    wire_delay_ms: float = Field(default=1.0, ge=0, le=100, description="one way, each direction; in lockstep")
+
+
+class CameraSlot(_Section):
+    """The camera; `pictures` are rendered and detected, `model` is the paper's visibility gate and noise.
+
+    `device`: /dev/video0 of kind v4l2, a pipeline that ends in an appsink of kind gstreamer, a recording of kind mcap.
+    """
+
+    kind: Literal["sim", "v4l2", "gstreamer", "mcap"] = "sim"
+    device: str = ""
+    source: Literal["pictures", "model"] = "pictures"
+    exposure_ms: float = Field(default=2.0, gt=0, le=30)
+    transport_ms: float = Field(default=15.0, ge=0, le=200, description="read-out and transfer, after exposure")
+    gain: float = Field(default=1.0, gt=0, le=4)
+    model_processing_ms: float = Field(default=8.0, ge=0, le=200, description="detection time, with source = model")
+    model_noise: Literal["paper", "measured"] = "paper"
+
+    @model_validator(mode="after")
+    def _complete(self) -> CameraSlot:
+        if (self.kind != "sim") != bool(self.device):
+            raise ValueError(f'kind "{self.kind}" {"needs a device" if self.kind != "sim" else "has no device"}')
+        if self.kind != "sim" and self.source == "model":
+            raise ValueError('source "model" stands for a camera that is simulated')
+        return self
+
+
+class MocapSlot(_Section):
+    """The motion capture system: the referee's and the car's, never the policy's.
+
+    Of kind vrpn: the server's address, and how it calls the two bodies."""
+
+    kind: Literal["sim", "vrpn"] = "sim"
+    server: str = ""
+    vehicle_body: str = "vehicle"
+    board_body: str = "board"
+    rate_hz: float = Field(default=100.0, gt=0, le=400)
+    delay_ms: float = Field(default=5.0, ge=0, le=100)
+
+
+class PolicySlot(_Section):
+    """What flies: `planner` or the path of an ONNX file with the house's contract."""
+
+    kind: str = "planner"
+
+
+class Rig(_Section):
+    """One rig file."""
+
+    title: str
+    vehicle: VehicleSlot = VehicleSlot()
+    groundcar: GroundcarSlot = GroundcarSlot()
+    camera: CameraSlot = CameraSlot()
+    mocap: MocapSlot = MocapSlot()
+    policy: PolicySlot = PolicySlot()
+    gate: GateLimits = GateLimits()
+
+    @property
+    def simulated(self) -> bool:
+        """True if no real device is in it; such runs never share an identity with real ones."""
+        return all(slot.kind == "sim" for slot in (self.vehicle, self.groundcar, self.camera, self.mocap))
+
+
+def list_rigs() -> list[str]:
+    """Names of the rigs that come with the project."""
+    return sorted(path.stem for path in RIG_DIR.glob("*.toml"))
+
+
+def load_rig(name: str) -> Rig:
+    """The rig of that name, or the TOML file at that path. Raises ConfigError naming file, key and what is allowed."""
+    path = Path(name)
+    if path.suffix != ".toml":
+        path = RIG_DIR / f"{name}.toml"
+        if not path.exists():
+            raise ConfigError(
+                f'there is no rig "{name}"{nearest(name, list_rigs())} Known: {", ".join(list_rigs())}; '
+                "a file of your own is given by its path, ending in .toml"
+            )
+    return load_toml(path, Rig)

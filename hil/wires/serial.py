@@ -1,0 +1,109 @@
+"""A byte wire over a serial port (telemetry radio, USB, UART), straight on the kernel's terminal interface (POSIX)."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import termios
+from pathlib import Path
+
+from hil.wires import WireError
+
+_AT_ONCE = 65536
+BACKLOG = 16384  # bytes waiting to go out before whole items are dropped: a second and a half at 115200 baud
+
+
+class SerialWire:
+    """One serial port, 8N1, raw, without flow control. A stream: `receive` gives pieces as they came, not whole items.
+
+    An item that would not fit into the backlog is dropped whole and counted in `dropped`, so that the other end never
+    sees half a frame. A port that disappears (a pulled plug) sets `lost` to the reason; nothing is raised in flight.
+    """
+
+    def __init__(self, device: str | Path, baud: int = 921600) -> None:
+        """Open and lock `device`. Raises WireError if it is missing, busy, forbidden or cannot do `baud`."""
+        speed = getattr(termios, f"B{baud}", None)
+        if speed is None:
+            known = sorted(int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdecimal())
+            raise WireError(f"{baud} baud is not a rate of serial ports here; use one of {', '.join(map(str, known))}")
+        self.dropped = 0
+        self.lost = ""
+        self._out = bytearray()
+        self._device = str(device)
+        try:
+            self._fd = os.open(self._device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            raise WireError(_open_trouble(self._device, error)) from None
+        try:
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _make_raw(self._fd, speed)
+        except (OSError, termios.error) as error:
+            os.close(self._fd)
+            self._fd = -1
+            raise WireError(_open_trouble(self._device, error)) from None
+
+    def send(self, data: bytes) -> None:
+        """Queue `data` and write what the port takes now."""
+        if self._fd < 0:
+            raise WireError(f"the wire on {self._device} is closed")
+        if self.lost or len(self._out) + len(data) > BACKLOG:
+            self.dropped += 1
+        else:
+            self._out += data
+        self._write()
+
+    def receive(self) -> list[bytes]:
+        """What has come, in one piece; empty if nothing has."""
+        if self._fd < 0 or self.lost:
+            return []
+        self._write()
+        try:
+            data = os.read(self._fd, _AT_ONCE)
+        except (BlockingIOError, InterruptedError):
+            return []
+        except OSError as error:
+            self.lost = f"{self._device} is gone ({error.strerror})"
+            return []
+        return [data] if data else []
+
+    def close(self) -> None:
+        """Close the port; may be called twice."""
+        if self._fd >= 0:
+            with contextlib.suppress(OSError):
+                os.close(self._fd)
+            self._fd = -1
+
+    def _write(self) -> None:
+        while self._out and not self.lost:
+            try:
+                count = os.write(self._fd, self._out)
+            except (BlockingIOError, InterruptedError):
+                return
+            except OSError as error:
+                self.lost = f"{self._device} is gone ({error.strerror})"
+                return
+            del self._out[:count]
+
+
+def _make_raw(fd: int, speed: int) -> None:
+    control = termios.tcgetattr(fd)[6]
+    control[termios.VMIN] = control[termios.VTIME] = 0
+    flags = termios.CS8 | termios.CREAD | termios.CLOCAL
+    termios.tcsetattr(fd, termios.TCSANOW, [termios.IGNBRK, 0, flags, 0, speed, speed, control])
+    termios.tcflush(fd, termios.TCIOFLUSH)
+
+
+def _open_trouble(device: str, error: OSError | termios.error) -> str:
+    number = error.args[0] if error.args else None
+    if number == errno.ENOENT:
+        there = sorted(str(path) for pattern in ("ttyACM*", "ttyUSB*") for path in Path("/dev").glob(pattern))
+        return f"there is no serial port {device}; plugged in now: {', '.join(there) or 'none'}"
+    if number in (errno.EACCES, errno.EPERM):
+        return f"{device} may not be opened by this user; join the group that owns it (often dialout) and log in again"
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return f"{device} is in use by another program; stop it first"
+    if number in (errno.ENOTTY, errno.EINVAL):
+        return f"{device} is not a serial port, or it cannot do that baud rate"
+    return f"{device} cannot be opened: {error}"

@@ -1,0 +1,127 @@
+"""A byte wire over UDP. It never blocks and never raises in flight: what cannot be sent or is not for us is counted."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from typing import Literal
+
+from hil.wires import WireError
+
+Address = tuple[str, int]
+Partner = Literal["fixed", "first", "last"]
+
+_DATAGRAM = 65536
+_AT_ONCE = 1024  # datagrams taken in one `receive`: a flood may not hold up a control loop
+
+
+class UdpWire:
+    """One UDP socket and one partner.
+
+    `partner` says to whom datagrams go:
+    - "fixed": to `peer` for ever.
+    - "first": to `peer` (if given) until somebody is heard, then to that one for the life of the wire. A PX4 does so.
+    - "last": to whom was heard last.
+
+    With `strangers` False, datagrams from anybody but the partner are dropped and counted in `strangers_dropped`;
+    with True they are received all the same (a PX4 does that too).
+    """
+
+    def __init__(
+        self, bind: Address, peer: Address | None = None, *, partner: Partner = "first", strangers: bool = False
+    ) -> None:
+        """Bind to `bind` (port 0: any free one, see `address`). Raises WireError if that is not possible."""
+        if partner == "fixed" and peer is None:
+            raise WireError("a UDP wire with a fixed partner needs the peer's host and port")
+        if partner not in ("fixed", "first", "last"):
+            raise WireError(f'UDP partner rule "{partner}" is unknown: use "fixed", "first" or "last"')
+        self._partner_rule, self._accept_strangers = partner, strangers
+        self._peer = _resolve(peer) if peer else None
+        self._settled = partner == "fixed"
+        self._closed = False
+        self.strangers_dropped = self.send_errors = 0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind(_resolve(bind))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            raise WireError(_bind_trouble(bind, error)) from None
+
+    @property
+    def address(self) -> Address:
+        """Where this end can be reached."""
+        host, port = self._socket.getsockname()
+        return host, port
+
+    @property
+    def peer(self) -> Address | None:
+        """To whom datagrams go now; None while nobody is known."""
+        return self._peer
+
+    def send(self, data: bytes) -> None:
+        """One datagram to the partner. Without a partner, or if the network refuses, it is counted in `send_errors`."""
+        if self._closed:
+            raise WireError("this UDP wire is closed")
+        if self._peer is None:
+            self.send_errors += 1
+            return
+        try:
+            self._socket.sendto(data, self._peer)
+        except OSError:
+            self.send_errors += 1
+
+    def receive(self) -> list[bytes]:
+        """Datagrams that have come, oldest first; at most 1024 at once, the rest stays for the next call."""
+        items: list[bytes] = []
+        if self._closed:
+            return items
+        for _ in range(_AT_ONCE):
+            try:
+                data, sender = self._socket.recvfrom(_DATAGRAM)
+            except (BlockingIOError, InterruptedError):
+                break
+            except OSError:  # an ICMP answer to something sent earlier
+                continue
+            if self._welcome(sender):
+                items.append(data)
+        return items
+
+    def close(self) -> None:
+        """Give the port back; may be called twice."""
+        self._closed = True
+        self._socket.close()
+
+    def _welcome(self, sender: Address) -> bool:
+        if self._partner_rule == "last" or not self._settled:
+            self._peer, self._settled = sender, True
+            return True
+        if sender == self._peer or self._accept_strangers:
+            return True
+        self.strangers_dropped += 1
+        return False
+
+
+def _resolve(address: Address) -> Address:
+    host, port = address
+    try:
+        found = socket.getaddrinfo(host or "0.0.0.0", None, socket.AF_INET, socket.SOCK_DGRAM)
+    except OSError as error:
+        raise WireError(f'"{host}" is not a host this machine can find ({error.strerror or error})') from None
+    return str(found[0][4][0]), port
+
+
+def _bind_trouble(bind: Address, error: Exception) -> str:
+    host, port = bind
+    what = f"UDP port {port} on {host or '0.0.0.0'}"
+    number = error.errno if isinstance(error, OSError) else None
+    if number == errno.EADDRINUSE:
+        return (
+            f"{what} is in use: another program listens there (a second run, QGroundControl, MAVSDK); "
+            "stop it, or give the wire another port"
+        )
+    if number == errno.EADDRNOTAVAIL:
+        return f"{what} cannot be bound: no interface of this machine has that address"
+    if number == errno.EACCES:
+        return f"{what} cannot be bound: ports below 1024 need privileges; choose a higher one"
+    return f"{what} cannot be bound: {error}"

@@ -1,0 +1,321 @@
+"""What the drone believes of the board: an extended Kalman filter on late, intermittent poses from the detector.
+
+State (8): [x, y, z, heading, speed, turn_rate, inclination, acceleration]. The motion model is CTRV (paper Sec.
+"Visibility-Aware Input Augmentation") with a forward acceleration that decays (Singer's model): with `accel_sigma` 0 it
+is plain CTRV. Speed is signed, along the heading; z and inclination are constants that may drift slowly.
+
+Measurement (5): [x, y, z, heading, inclination] with a diagonal covariance, gated by the Mahalanobis distance. The
+filter stays at the newest exposure time and is predicted forward for output, so a measurement may be as late as it
+likes; one older than the newest accepted is refused and counted. What the gate refuses is kept aside: `reaccept`
+refusals in a row that agree with each other restart the filter there, so that no loss can lock it out.
+
+One filter is one float64 row ((BELIEF_DIM,)); times are seconds from an origin of the caller's choice.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kernel import njit
+from policies.belief_motion import (
+    ACCEL_SIGMA,
+    ACCEL_TAU,
+    BIAS_HEADING,
+    BIAS_INCLINATION,
+    GATE,
+    LAMBDA_RHO,
+    LOSS_AFTER,
+    MAX_AGE,
+    MAX_SPEED,
+    MAX_TURN,
+    REACCEPT,
+    REACCEPT_LOSS,
+    SPEED0,
+    SPEED_SIGMA,
+    STEP,
+    TURN_SIGMA,
+    VALID_AFTER,
+    BeliefParams,
+    N,
+    advance,
+    advance_state,
+    wrap,
+)  # fmt: skip
+
+M = 5
+_MEASURED = (0, 1, 2, 3, 6)  # indices of the state that a measurement sees
+
+# Indices of a belief row. Slices: state B_X:B_X+N, covariance B_P:B_P+N*N (row-major).
+B_X, B_P = 0, N
+B_T = N + N * N  # s, exposure time of the newest accepted measurement
+B_FIRST_T = B_T + 1  # s, of the first accepted one since the last (re)start
+B_ACCEPTED, B_REJECTED, B_NIS = B_T + 2, B_T + 3, B_T + 4  # counts; B_NIS: innovation squared, of the newest one gated
+B_STREAK = B_T + 5  # accepted since the last (re)start; 0: nothing is known
+B_CANDIDATES, B_CANDIDATE_T, B_CANDIDATE_Z = (
+    B_T + 6,
+    B_T + 7,
+    B_T + 8,
+)  # refused in a row that agree; the newest of them
+_SCRATCH = B_CANDIDATE_Z + M
+BELIEF_DIM = _SCRATCH + N + N * N
+
+ACCEPTED, RESTARTED, GATED, OUT_OF_ORDER, NOT_FINITE, IMPLAUSIBLE = 0, 1, 2, 3, 4, 5
+CODES = ("accepted", "restarted", "gated", "out_of_order", "not_finite", "implausible")
+
+
+@njit
+def measurement_from_pose(position, quaternion, sigma_position, sigma_rotation, params, z, r):
+    """Fill `z`, `r` ((5,) each) from a pose of the board; False if it cannot be one of a board on a level car.
+
+    `position` (3,) m; `quaternion` (4,) wxyz, world from board; `sigma_position` (3,) m along the world's axes;
+    `sigma_rotation` rad about each axis. The heading is taken from the board's y axis, which stays horizontal whatever
+    the inclination, so that a flat board has one too. A roll beyond 0.35 rad + 4 sigma is a detector's flip.
+    """
+    w, qx, qy, qz = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    yx, yy, yz = 2.0 * (qx * qy - w * qz), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz + w * qx)
+    xz, zz = 2.0 * (qx * qz - w * qy), 1.0 - 2.0 * (qx * qx + qy * qy)
+    for i in range(3):
+        z[i] = position[i]
+        r[i] = sigma_position[i] * sigma_position[i]
+    z[3] = math.atan2(-yx, yy)
+    z[4] = math.atan2(xz, zz)
+    r[3] = sigma_rotation * sigma_rotation + params[BIAS_HEADING] ** 2
+    r[4] = sigma_rotation * sigma_rotation + params[BIAS_INCLINATION] ** 2
+    slack = 4.0 * sigma_rotation
+    return abs(yz) < math.sin(min(1.5, 0.35 + slack)) and -0.2 - slack < z[4] < 1.75 + slack
+
+
+@njit
+def belief_reset(row):
+    """Forget everything."""
+    row[:] = 0.0
+
+
+@njit
+def _start(row, t, z, r, params, restart):
+    """Begin at a measurement. A restart keeps the old speed and turn rate as the mean of the prior."""
+    speed, turn = (row[B_X + 4], row[B_X + 5]) if restart else (params[SPEED0], 0.0)
+    row[B_X:B_T] = 0.0
+    for i in range(M):
+        j = _MEASURED[i]
+        row[B_X + j] = z[i]
+        row[B_P + j * (N + 1)] = r[i]
+    row[B_X + 4], row[B_X + 5] = speed, turn
+    row[B_P + 4 * (N + 1)] = params[SPEED_SIGMA] ** 2
+    row[B_P + 5 * (N + 1)] = params[TURN_SIGMA] ** 2
+    row[B_P + 7 * (N + 1)] = params[ACCEL_SIGMA] ** 2
+    row[B_T], row[B_FIRST_T], row[B_STREAK], row[B_CANDIDATES] = t, t, 1.0, 0.0
+    row[B_ACCEPTED] += 1.0
+
+
+@njit
+def _refused(row, t, z, r, params):
+    """Count a gated measurement and compare it with the one refused before: True if enough in a row agree."""
+    dt = t - row[B_CANDIDATE_T]
+    agrees = row[B_CANDIDATES] > 0.0 and 0.0 < dt < 0.5
+    if agrees:
+        old = row[B_CANDIDATE_Z : B_CANDIDATE_Z + M]
+        dx, dy, dz = z[0] - old[0], z[1] - old[1], z[2] - old[2]
+        reach = params[MAX_SPEED] * dt + 4.0 * math.sqrt(r[0] + r[1] + r[2])
+        agrees = (
+            dx * dx + dy * dy + dz * dz < reach * reach
+            and abs(wrap(z[3] - old[3])) < params[MAX_TURN] * dt + 5.0 * math.sqrt(r[3])
+            and abs(z[4] - old[4]) < 0.02 + 5.0 * math.sqrt(r[4])
+        )
+    row[B_CANDIDATES] = row[B_CANDIDATES] + 1.0 if agrees else 1.0
+    row[B_CANDIDATE_T] = t
+    row[B_CANDIDATE_Z : B_CANDIDATE_Z + M] = z
+    needed = 2.0 if t - row[B_T] > params[REACCEPT_LOSS] else params[REACCEPT]
+    return row[B_CANDIDATES] >= needed
+
+
+@njit
+def belief_update(row, t, z, r, params):
+    """Feed one measurement: `t` s its exposure, `z` (5,), `r` (5,) variances. Returns one of the codes above.
+
+    Everything but ACCEPTED and RESTARTED leaves the estimate as it was and is counted in B_REJECTED.
+    """
+    fine = math.isfinite(t)
+    for i in range(M):
+        fine = fine and math.isfinite(z[i]) and math.isfinite(r[i]) and r[i] > 0.0
+    if not fine:
+        row[B_REJECTED] += 1.0
+        return NOT_FINITE
+    if row[B_STREAK] == 0.0:
+        _start(row, t, z, r, params, False)
+        return ACCEPTED
+    if t <= row[B_T] or (row[B_CANDIDATES] > 0.0 and t <= row[B_CANDIDATE_T]):
+        row[B_REJECTED] += 1.0
+        return OUT_OF_ORDER
+    x, p = row[_SCRATCH : _SCRATCH + N], row[_SCRATCH + N : BELIEF_DIM]
+    x[:] = row[B_X : B_X + N]
+    p[:] = row[B_P : B_P + N * N]
+    advance(x, p, t - row[B_T], params)
+    nis = _correct(x, p, z, r)
+    row[B_NIS] = nis
+    if nis > params[GATE]:
+        if _refused(row, t, z, r, params):
+            _start(row, t, z, r, params, True)
+            return RESTARTED
+        row[B_REJECTED] += 1.0
+        return GATED
+    row[B_X:B_T] = row[_SCRATCH:BELIEF_DIM]
+    row[B_T] = t
+    row[B_STREAK] += 1.0
+    row[B_ACCEPTED] += 1.0
+    row[B_CANDIDATES] = 0.0
+    return ACCEPTED
+
+
+@njit
+def _correct(x, p, z, r):
+    """Scalar updates one after the other, which for a diagonal R equal the joint one; returns the joint NIS."""
+    nis = 0.0
+    for i in range(M):
+        j = _MEASURED[i]
+        innovation = wrap(z[i] - x[j]) if j == 3 else z[i] - x[j]
+        s = p[j * (N + 1)] + r[i]
+        nis += innovation * innovation / s
+        for a in range(N):
+            x[a] += p[a * N + j] / s * innovation
+        for a in range(N):
+            for b in range(a, N):
+                if a != j and b != j:
+                    p[a * N + b] -= p[a * N + j] * p[j * N + b] / s
+                    p[b * N + a] = p[a * N + b]
+        shrink = r[i] / s
+        for a in range(N):
+            p[a * N + j] *= shrink
+            p[j * N + a] = p[a * N + j]
+    x[3] = wrap(x[3])
+    return nis
+
+
+@njit
+def belief_rho(row, t, params):
+    """Reliability: 1 while measurements arrive, then exp(-lambda_rho T_loss); 0 before the first."""
+    if row[B_STREAK] == 0.0:
+        return 0.0
+    return math.exp(-params[LAMBDA_RHO] * max(0.0, t - row[B_T] - params[LOSS_AFTER]))
+
+
+@njit
+def belief_predict(row, t, params, out):
+    """Predict to time `t` (s) into a platform row `out` ((8,)): [x, y, z, heading, speed, turn_rate, inclination, 0].
+
+    Returns rho. Before the first measurement `out` is all zero and rho 0.
+    """
+    out[:] = row[B_X : B_X + N]
+    span = t - row[B_T]
+    if row[B_STREAK] > 0.0 and span > 0.0:
+        steps = max(1, math.ceil(span / STEP))
+        for _ in range(steps):
+            advance_state(out, span / steps, params[ACCEL_TAU])
+        out[3] = wrap(out[3])
+    out[7] = 0.0
+    return belief_rho(row, t, params)
+
+
+@njit
+def belief_covariance(row, t, params, x, p):
+    """Predict state (`x` (8,), the last is acceleration) and covariance (`p` (64,), row-major) to time `t` (s)."""
+    x[:] = row[B_X : B_X + N]
+    p[:] = row[B_P : B_P + N * N]
+    advance(x, p, t - row[B_T], params)
+    x[3] = wrap(x[3])
+
+
+@njit
+def belief_valid(row, t, params):
+    """True once enough measurements were accepted since the last (re)start and the newest is not too old."""
+    return row[B_STREAK] >= params[VALID_AFTER] and t - row[B_T] < params[MAX_AGE]
+
+
+class BoardEstimate(NamedTuple):
+    """Output of `BoardFilter`: the board predicted to `stamp_ns`."""
+
+    stamp_ns: int
+    valid: bool
+    position: tuple[float, float, float]
+    heading: float
+    speed: float
+    turn_rate: float
+    inclination: float
+    rho: float
+    last_exposure_ns: int
+    accepted: int
+    rejected: int
+    variance: tuple[float, ...]  # of the state, in its order, predicted to stamp_ns
+    acceleration: float  # m/s^2, along the heading
+    streak: int  # measurements accepted since the last (re)start
+
+
+class BoardFilter:
+    """The filter for flight: nanoseconds in, `BoardEstimate` out. `row` is open to the planner."""
+
+    def __init__(self, params: BeliefParams | None = None) -> None:
+        self.params = (params or BeliefParams()).row()
+        self.row = np.zeros(BELIEF_DIM)
+        self._z, self._r = np.zeros(M), np.zeros(M)
+        self._x, self._p, self._out = np.zeros(N), np.zeros(N * N), np.zeros(8)
+        self._origin_ns = self._exposure_ns = 0
+
+    def reset(self) -> None:
+        """Forget everything, counts included."""
+        belief_reset(self.row)
+        self._exposure_ns = 0
+
+    def seconds(self, stamp_ns: int) -> float:
+        """`stamp_ns` on the row's time axis."""
+        return (stamp_ns - self._origin_ns) * 1e-9
+
+    def update(
+        self,
+        exposure_ns: int,
+        position: tuple[float, float, float],
+        quaternion: tuple[float, float, float, float],
+        position_sigma: float | tuple[float, float, float],
+        orientation_sigma: float,
+    ) -> str:
+        """Feed a detection (world ENU; quaternion wxyz, world from board); returns one of `CODES`.
+
+        `position_sigma` is one number or one for each world axis, m; `orientation_sigma` rad.
+        """
+        if self.row[B_STREAK] == 0.0:
+            self._origin_ns = exposure_ns
+        sigma = np.array(position_sigma, dtype=np.float64) * np.ones(3)
+        p, q = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
+        sane = measurement_from_pose(p, q, sigma, orientation_sigma, self.params, self._z, self._r)
+        if not sane and np.isfinite(self._z).all() and np.isfinite(self._r).all():
+            self.row[B_REJECTED] += 1.0
+            return CODES[IMPLAUSIBLE]
+        code = belief_update(self.row, self.seconds(exposure_ns), self._z, self._r, self.params)
+        if code in (ACCEPTED, RESTARTED):
+            self._exposure_ns = exposure_ns
+        return CODES[code]
+
+    def estimate(self, now_ns: int) -> BoardEstimate:
+        """The board predicted to `now_ns`."""
+        t = self.seconds(now_ns)
+        rho = belief_predict(self.row, t, self.params, self._out)
+        belief_covariance(self.row, t, self.params, self._x, self._p)
+        x, y, z, heading, speed, turn, inclination, _ = (float(value) for value in self._out)
+        return BoardEstimate(
+            now_ns,
+            bool(belief_valid(self.row, t, self.params)),
+            (x, y, z),
+            heading,
+            speed,
+            turn,
+            inclination,
+            float(rho),
+            self._exposure_ns,
+            int(self.row[B_ACCEPTED]),
+            int(self.row[B_REJECTED]),
+            tuple(float(v) for v in self._p[:: N + 1]),
+            float(self._x[7]),
+            int(self.row[B_STREAK]),
+        )

@@ -1,0 +1,134 @@
+"""How the belief expects the board to move: CTRV with a decaying forward acceleration, and the filter's parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, dataclass
+
+import numpy as np
+
+from kernel import njit
+
+N = 8  # state: [x, y, z, heading, speed, turn_rate, inclination, acceleration]
+
+(GATE, REACCEPT, REACCEPT_LOSS, MAX_SPEED, MAX_TURN, SPEED0, SPEED_SIGMA, TURN_SIGMA, ACCEL_SIGMA, ACCEL_TAU,
+ Q_SPEED, Q_TURN, Q_HEADING, Q_POSITION, Q_INCLINATION, BIAS_HEADING, BIAS_INCLINATION, LAMBDA_RHO,
+ LOSS_AFTER, VALID_AFTER, MAX_AGE, QUIET, BUSY_SPEED) = range(23)  # fmt: skip
+STEP = 0.05  # s, longest step of the prediction
+
+
+@dataclass(frozen=True)
+class BeliefParams:
+    """Noise and rules of the filter. `q_*` are random walks: one-sigma growth in one second.
+
+    `gate`: chi-square limit at 5 degrees of freedom (0.1 % of good measurements are refused). `reaccept`: agreeing
+    refusals that restart the filter; 2 suffice after `reaccept_loss` s without a measurement. Prior at a start: speed
+    `speed0` +- `speed_sigma`, turn rate 0 +- `turn_sigma`. `accel_sigma`, `accel_tau`: Singer acceleration; the size is
+    that of the paper's Hard-I law (1.6 m/s^2 peak). `q_speed` covers its OU law (0.1 v per sqrt(s)). `bias_*` is added
+    to the angles' sigma because mounting errors do not average out. rho = exp(-lambda_rho T_loss); the loss begins
+    `loss_after` s after the last exposure: a 20 Hz detector 60 ms late is 110 ms old without any loss, and
+    lambda_rho 2 halves rho in 0.35 s, in which CTRV errs by about 3 cm. Valid: `valid_after` accepted, age < `max_age`.
+    A car that stands goes on standing: the noise of speed, turn rate and acceleration is scaled by `quiet` +
+    (|speed| + 2 |acceleration|) / `busy_speed`, at most 1.
+    """
+
+    gate: float = 20.515
+    reaccept: int = 3
+    reaccept_loss: float = 1.0
+    max_speed: float = 4.0
+    max_turn: float = 2.0
+    speed0: float = 0.5
+    speed_sigma: float = 1.3
+    turn_sigma: float = 0.5
+    accel_sigma: float = 0.66
+    accel_tau: float = 0.3
+    q_speed: float = 0.2
+    q_turn: float = 0.57
+    q_heading: float = 0.02
+    q_position: float = 0.01
+    q_inclination: float = 0.01
+    bias_heading: float = 0.0175
+    bias_inclination: float = 0.0
+    lambda_rho: float = 2.0
+    loss_after: float = 0.11
+    valid_after: int = 5
+    max_age: float = 2.0
+    quiet: float = 0.2
+    busy_speed: float = 1.5
+
+    def __post_init__(self) -> None:
+        for name, value in zip(self.__dataclass_fields__, astuple(self), strict=True):
+            if not math.isfinite(value) or (value < 0.0 and name != "speed0"):
+                raise ValueError(f"belief parameter {name} is {value}; give a finite number that is not negative")
+        if min(self.accel_tau, self.busy_speed) <= 0.0 or self.gate <= 0.0 or self.reaccept < 2:
+            raise ValueError(
+                "belief parameters accel_tau, busy_speed and gate must be positive and reaccept at least 2"
+            )
+
+    def row(self) -> np.ndarray:
+        """The row for kernels."""
+        return np.array(astuple(self), dtype=np.float64)
+
+
+@njit
+def wrap(angle):
+    """An angle in (-pi, pi]."""
+    return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
+
+
+@njit
+def advance_state(x, dt, tau):
+    """One CTRV step with decaying acceleration on x[0:8], in place. Exact on an arc at constant speed."""
+    decay = math.exp(-dt / tau)
+    gained = x[7] * tau * (1.0 - decay)
+    mean = x[4] + x[7] * tau - gained * tau / dt
+    half = 0.5 * x[5] * dt
+    chord = mean * dt * (1.0 - half * half / 6.0)
+    x[0] += chord * math.cos(x[3] + half)
+    x[1] += chord * math.sin(x[3] + half)
+    x[3] += x[5] * dt
+    x[4] += gained
+    x[7] *= decay
+
+
+@njit
+def advance_covariance(x, p, dt, params):
+    """P <- F P F' + Q for the step that starts at x; p is (64,), in place. Rows 0, 1, 3, 4, 7 of F are not trivial."""
+    tau = params[ACCEL_TAU]
+    decay = math.exp(-dt / tau)
+    gain = tau * (1.0 - decay)
+    mean_gain = tau * (1.0 - gain / dt)
+    angle = x[3] + 0.5 * x[5] * dt
+    c, s = math.cos(angle), math.sin(angle)
+    chord = (x[4] + x[7] * mean_gain) * dt
+    for side in range(2):  # rows, then columns
+        a, b = (N, 1) if side == 0 else (1, N)
+        for j in range(N):
+            k = j * b
+            psi, v, w, acc = p[3 * a + k], p[4 * a + k], p[5 * a + k], p[7 * a + k]
+            turned, moved = chord * (psi + 0.5 * dt * w), dt * (v + mean_gain * acc)
+            p[k] += c * moved - s * turned
+            p[a + k] += s * moved + c * turned
+            p[3 * a + k] = psi + dt * w
+            p[4 * a + k] = v + gain * acc
+            p[7 * a + k] = decay * acc
+    d = N + 1
+    q_p = params[Q_POSITION] ** 2 * dt
+    p[0] += q_p
+    p[d] += q_p
+    p[2 * d] += 0.25 * q_p
+    p[3 * d] += params[Q_HEADING] ** 2 * dt
+    busy = min(1.0, params[QUIET] + (abs(x[4]) + 2.0 * abs(x[7])) / params[BUSY_SPEED]) ** 2
+    p[4 * d] += busy * params[Q_SPEED] ** 2 * dt
+    p[5 * d] += busy * params[Q_TURN] ** 2 * dt
+    p[6 * d] += params[Q_INCLINATION] ** 2 * dt
+    p[7 * d] += busy * params[ACCEL_SIGMA] ** 2 * (1.0 - decay * decay)
+
+
+@njit
+def advance(x, p, span, params):
+    steps = max(1, math.ceil(span / STEP))
+    if span > 0.0:
+        for _ in range(steps):
+            advance_covariance(x, p, span / steps, params)
+            advance_state(x, span / steps, params[ACCEL_TAU])

@@ -1,0 +1,320 @@
+"""The model-based perching policy: watches, follows, commits to a planned perch, replans it, flies it, or goes around.
+
+It plans on `future` rows only ((K, 8) platform rows, see prediction.py): fed by the belief it is a policy that can fly,
+fed by the true motion it is the teacher with perfect foresight. One planner is one float64 row ((PLANNER_DIM,)).
+"""
+
+from __future__ import annotations
+
+import math
+
+from kernel import njit
+from policies import planner_params as pp
+from policies import planner_polynomial as poly
+from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
+from policies.belief_motion import N
+from policies.planner_follow import climb_away, face, follow, hold
+from policies.planner_runup import flare_gate, fly_runup, runup_time
+from policies.planner_search import MOTION_DIM, search
+from policies.prediction import carry_swing, predict_swing
+from policies.speed_history import (
+    F_SINCE,
+    F_SURPRISE,
+    FIT_DIM,
+    H_TIME,
+    HISTORY_DIM,
+    fit_swing,
+    history_push,
+)
+from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
+from policies.tracking import track_force
+from vehicle.rotations import body_z
+
+HOLD, FOLLOW, COMMIT, TERMINAL, AROUND, RUN_UP = 0, 1, 2, 3, 4, 5
+PHASES = ("hold", "follow", "commit", "terminal", "go_around", "run_up")
+
+# Indices of a planner row.
+(S_PHASE, S_BEGUN, S_CONTACT, S_NEXT, S_ENGAGED, S_THRUST, S_COST, S_ASKED, S_LAST, S_UNTIL, S_PLANS, S_MISSES,
+ S_GATE, S_AWAY, S_ACCELERATION, S_GAIN) = range(16)  # fmt: skip
+S_MOTION = S_GAIN + GAIN_DIM
+S_BEST, S_TRY = S_MOTION + MOTION_DIM, S_MOTION + 2 * MOTION_DIM
+S_START = S_MOTION + 3 * MOTION_DIM
+S_PLATFORM = S_START + 9
+S_HISTORY = S_PLATFORM + 8
+S_FIT = S_HISTORY + HISTORY_DIM
+S_TARGET = S_FIT + FIT_DIM
+PLANNER_DIM = S_TARGET + 8
+
+# Indices of an estimate row: what the planner asks about the platform it is given.
+E_VALID, E_SIGMA, E_SPEED_SIGMA, E_AGE, E_STREAK, E_SURPRISE = 0, 1, 2, 3, 4, 5
+ESTIMATE_DIM = 6
+
+_C = poly.COEFFICIENTS
+_WAIT = 0.01  # s from a command to the motors hearing it
+_FRESH = 0.12  # s, age of a belief whose speed is still worth remembering
+_NO_RETURN = 0.6  # s before contact, after which a perch is not given up
+_MANY, _FEW = 22, 10  # durations searched to begin a plan and to renew one
+
+
+@njit
+def planner_reset(state, t, params):
+    """Start anew at time `t` (s)."""
+    state[:] = 0.0
+    state[S_ENGAGED] = -1.0
+    state[S_LAST], state[S_NEXT] = t, t
+    state[S_ASKED] = params[pp.GRAVITY]
+    gain_reset(state[S_GAIN : S_GAIN + GAIN_DIM], params[pp.GRAVITY])
+
+
+@njit
+def planner_due(state, t):
+    """True if this tick will look at the whole future and not only at its first row."""
+    return t >= state[S_NEXT] - 1e-6
+
+
+@njit
+def certain(estimate):
+    """Fill an estimate row for a platform that is known exactly."""
+    estimate[E_VALID], estimate[E_SIGMA], estimate[E_SPEED_SIGMA], estimate[E_AGE], estimate[E_STREAK] = 1, 0, 0, 0, 1e9
+    estimate[E_SURPRISE] = 0
+
+
+@njit
+def estimate_from_belief(row, t, params, x, p, estimate):
+    """Fill `estimate` from a belief row at time `t`; `x` (8,) gets the state there, `p` (64,) its covariance."""
+    belief_covariance(row, t, params, x, p)
+    estimate[E_VALID] = 1.0 if belief_valid(row, t, params) else 0.0
+    estimate[E_SIGMA] = math.sqrt(max(0.0, 0.5 * (p[0] + p[N + 1])))
+    estimate[E_SPEED_SIGMA] = math.sqrt(max(0.0, p[4 * (N + 1)]))
+    estimate[E_AGE] = t - row[B_T]
+    estimate[E_STREAK] = row[B_STREAK]
+
+
+@njit
+def _start_here(state, p, v, q, params):
+    """The motion's start: where the vehicle is, how fast, and the acceleration its thrust gives it now."""
+    zx, zy, zz = body_z(q)
+    f = state[S_GAIN + G_GAIN] * state[S_GAIN + G_LAGGED]
+    drag = params[pp.DRAG]
+    for i in range(3):
+        state[S_START + i], state[S_START + 3 + i] = p[i], v[i]
+    state[S_START + 6] = f * zx - drag * v[0]
+    state[S_START + 7] = f * zy - drag * v[1]
+    state[S_START + 8] = f * zz - drag * v[2] - params[pp.GRAVITY]
+
+
+@njit
+def _plan(state, t, p, v, q, future, step, shortest, longest, durations, remaining, most, params):
+    """Search, and take the plan over if it costs less than `most`. Returns True if it did."""
+    _start_here(state, p, v, q, params)
+    best, scratch = state[S_BEST : S_BEST + MOTION_DIM], state[S_TRY : S_TRY + MOTION_DIM]
+    start, platform = state[S_START : S_START + 9], state[S_PLATFORM : S_PLATFORM + 8]
+    target = state[S_TARGET : S_TARGET + 8]
+    gain = state[S_GAIN + G_GAIN]
+    cost, duration, thrust = search(
+        start, future, step, 0.0, gain, shortest, longest, durations, remaining, params, best, scratch, target, platform
+    )
+    state[S_COST] = cost
+    state[S_PLANS] += 1.0
+    if not cost < most:
+        return False
+    state[S_MOTION : S_MOTION + MOTION_DIM] = best
+    state[S_BEGUN], state[S_CONTACT], state[S_THRUST] = t, t + duration, thrust
+    return True
+
+
+@njit
+def _slack(state, t, params):
+    """Grows from 1 with the time since the planner engaged."""
+    return 1.0 + max(0.0, t - state[S_ENGAGED]) / max(params[pp.RELAX_AFTER], 1e-3)
+
+
+@njit
+def _ready(state, t, estimate, inclination, params):
+    """True if the board is known well enough to commit; the demands relax with the time spent following."""
+    slack = _slack(state, t, params)
+    return (
+        estimate[E_STREAK] >= params[pp.COMMIT_STREAK]
+        and estimate[E_AGE] < params[pp.COMMIT_AGE]
+        and estimate[E_SIGMA] < params[pp.COMMIT_SIGMA] * slack
+        and estimate[E_SPEED_SIGMA] < params[pp.COMMIT_SPEED_SIGMA] * slack
+        and estimate[E_SURPRISE] * max(0.3, math.sin(inclination))
+        < params[pp.COMMIT_SURPRISE] * (1.0 + (slack - 1.0) * params[pp.RELAX_SURPRISE])
+    )
+
+
+@njit
+def _decide(state, t, p, v, q, platform, estimate, future, step, params):
+    """Move between the phases; plans when due."""
+    phase = state[S_PHASE]
+    if phase == HOLD and estimate[E_VALID] > 0.0:
+        phase = FOLLOW
+        if state[S_ENGAGED] < 0.0:
+            state[S_ENGAGED] = t
+    if phase == AROUND and t >= state[S_UNTIL]:
+        phase = FOLLOW
+    if phase == FOLLOW and estimate[E_VALID] <= 0.0:
+        phase = HOLD
+    left = state[S_CONTACT] - t
+    if phase == COMMIT and left < params[pp.FREEZE]:
+        phase = TERMINAL
+    if phase == TERMINAL and left < -params[pp.MISS_AFTER]:
+        phase = AROUND
+        state[S_UNTIL] = t + params[pp.AROUND_TIME]
+        state[S_MISSES] += 1.0
+    if phase == RUN_UP and (t > state[S_GATE] + 0.15 or estimate[E_AGE] > params[pp.LOST_AGE]):
+        phase = AROUND
+        state[S_UNTIL] = t + params[pp.AROUND_TIME]
+    if planner_due(state, t):
+        state[S_NEXT] = t + params[pp.REPLAN]
+        state[S_ACCELERATION] = (future[1, 4] - future[0, 4]) / step
+        if phase == COMMIT:
+            low, high = max(0.12, left - 0.15), left + 0.3
+            kept = _plan(state, t, p, v, q, future, step, low, high, _FEW, left, params[pp.ABORT_COST], params)
+            # Too late to leave, the plan under way is better than none.
+            if left > _NO_RETURN and (not kept or estimate[E_AGE] > params[pp.LOST_AGE]):
+                phase = FOLLOW
+        elif phase == RUN_UP:
+            gate = state[S_GATE] - t
+            if gate < params[pp.RUN_COMMIT]:
+                flare = flare_gate(platform[6], params)[4]
+                low, high = max(0.3, gate + flare - 0.1), gate + flare + 0.4
+                if _plan(state, t, p, v, q, future, step, low, high, _FEW, 0.0, params[pp.RUN_COST], params):
+                    phase = COMMIT
+        elif phase == FOLLOW and platform[6] >= params[pp.RUN_INCLINATION]:
+            straight = abs(platform[5]) < params[pp.RUN_TURN] * _slack(state, t, params)
+            near = state[S_AWAY] < params[pp.RUN_AWAY] * _slack(state, t, params)
+            if near and straight and _ready(state, t, estimate, platform[6], params):
+                phase = RUN_UP
+                state[S_GATE] = t + runup_time(platform[6], params)
+        elif (
+            phase == FOLLOW
+            and _ready(state, t, estimate, platform[6], params)
+            and _plan(
+                state,
+                t,
+                p,
+                v,
+                q,
+                future,
+                step,
+                params[pp.T_MIN],
+                params[pp.T_MAX],
+                _MANY,
+                0.0,
+                params[pp.COMMIT_COST] / math.cos(min(1.3, platform[6])),
+                params,
+            )
+        ):
+            phase = COMMIT
+    state[S_PHASE] = phase
+
+
+@njit
+def _fly_motion(state, t, p, v, q, platform, params, out):
+    """Track the planned motion."""
+    m = state[S_MOTION : S_MOTION + MOTION_DIM]
+    duration = state[S_CONTACT] - state[S_BEGUN]
+    left = state[S_CONTACT] - t
+    now = min(duration, t - state[S_BEGUN])
+    fade = min(1.0, max(0.0, left / max(params[pp.FADE], 1e-6)))
+    kp, kv = params[pp.TRACK_KP] * fade, params[pp.TRACK_KV] * fade
+    drag, g = params[pp.DRAG], params[pp.GRAVITY]
+    ahead, soon = min(duration, now + params[pp.RATE_LAG]), min(duration, now + params[pp.THRUST_LAG] + _WAIT)
+    bx = kp * (poly.position(m, 0, now) - p[0]) + kv * (poly.velocity(m, 0, now) - v[0]) + drag * v[0]
+    by = kp * (poly.position(m, _C, now) - p[1]) + kv * (poly.velocity(m, _C, now) - v[1]) + drag * v[1]
+    bz = kp * (poly.position(m, 2 * _C, now) - p[2]) + kv * (poly.velocity(m, 2 * _C, now) - v[2]) + drag * v[2] + g
+    fx, fy = poly.acceleration(m, 0, now) + bx, poly.acceleration(m, _C, now) + by
+    fz = poly.acceleration(m, 2 * _C, now) + bz
+    gx, gy = poly.acceleration(m, 0, ahead) + bx, poly.acceleration(m, _C, ahead) + by
+    gz = poly.acceleration(m, 2 * _C, ahead) + bz
+    moving = 1.0 if t - state[S_BEGUN] + params[pp.RATE_LAG] < duration else 0.0
+    jx, jy, jz = moving * poly.jerk(m, 0, ahead), moving * poly.jerk(m, _C, ahead), moving * poly.jerk(m, 2 * _C, ahead)
+    # Thrust does not turn the vehicle, so its feedback stays to the end; overdue, it presses on at the impact speed.
+    late = max(0.0, -left)
+    kp, kv = params[pp.TRACK_KP], params[pp.TRACK_KV]
+    v1x, v1y, v1z = poly.velocity(m, 0, now), poly.velocity(m, _C, now), poly.velocity(m, 2 * _C, now)
+    sx = kp * (poly.position(m, 0, now) + late * v1x - p[0]) + kv * (v1x - v[0]) + drag * v[0]
+    sy = kp * (poly.position(m, _C, now) + late * v1y - p[1]) + kv * (v1y - v[1]) + drag * v[1]
+    sz = kp * (poly.position(m, 2 * _C, now) + late * v1z - p[2]) + kv * (v1z - v[2]) + drag * v[2] + g
+    if left > 0.0:
+        sx, sy = sx + poly.acceleration(m, 0, soon), sy + poly.acceleration(m, _C, soon)
+        sz += poly.acceleration(m, 2 * _C, soon)
+    zx, zy, zz = body_z(q)
+    thrust = sx * zx + sy * zy + sz * zz
+    yaw_rate = face(q, p, platform, params) if left > 0.5 else 0.0
+    gain = state[S_GAIN + G_GAIN]
+    track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
+
+
+@njit
+def planner_step(state, t, p, v, q, platform, estimate, future, step, params, out):
+    """One control tick of one vehicle. Returns the phase (HOLD: not engaged, the command is a hover).
+
+    `t` s; `p`, `v` (3,) world, `q` (4,) world from body: the vehicle's own estimate; `platform` (8,) the board now;
+    `estimate` (ESTIMATE_DIM,); `future` (K, 8) at `step` s, whose first row is now: read only if `planner_due`;
+    `params` row of PlannerParams; `out` (4,): body rate FLU (rad/s), collective thrust (m/s^2).
+    """
+    if platform[6] >= params[pp.RUN_INCLINATION]:
+        params = params[pp.COUNT :]
+    return _step(state, t, p, v, q, platform, estimate, future, step, params, out)
+
+
+@njit
+def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
+    zx, zy, zz = body_z(q)
+    gain = gain_update(
+        state[S_GAIN : S_GAIN + GAIN_DIM], v[0], v[1], v[2], zx, zy, zz, state[S_ASKED], t - state[S_LAST],
+        params[pp.THRUST_LAG] + _WAIT, params[pp.DRAG], params[pp.GRAVITY],
+    )  # fmt: skip
+    state[S_LAST] = t
+    _decide(state, t, p, v, q, platform, estimate, future, step, params)
+    phase = int(state[S_PHASE])
+    if phase == HOLD:
+        hold(q, v, 0.3 if state[S_ENGAGED] >= 0.0 else 0.0, gain, params, out)
+    elif phase == RUN_UP or (phase == FOLLOW and platform[6] >= params[pp.RUN_INCLINATION]):
+        resting = phase == FOLLOW
+        left = runup_time(platform[6], params) if resting else state[S_GATE] - t
+        error, rate = fly_runup(left, resting, p, v, q, platform, state[S_ACCELERATION], gain, params, out)
+        state[S_AWAY] = error + 0.3 * rate
+    elif phase == FOLLOW:
+        follow(p, v, q, platform, 0.8 * min(2.0, max(0.0, estimate[E_AGE] - 0.3)), gain, params, out)
+    elif phase == AROUND:
+        climb_away(p, v, q, platform, gain, params, out)
+    else:
+        _fly_motion(state, t, p, v, q, platform, params, out)
+    state[S_ASKED] = out[3]
+    return phase
+
+
+@njit
+def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, out):
+    """`planner_step` on an estimate of the board now: remembers its speed and, when due, predicts `future` ((K, 8)).
+
+    `x` (8,): platform row whose last entry is the acceleration (m/s^2), which decays in
+    `predict_tau` s; corrected in place for what the board did since the last exposure.
+    """
+    if x[6] >= params[pp.RUN_INCLINATION]:
+        params = params[pp.COUNT :]
+    history, fit = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + FIT_DIM]
+    if estimate[E_VALID] > 0.0 and estimate[E_AGE] < _FRESH:
+        history_push(history, t, x[4])
+    tau = params[pp.PREDICT_TAU]
+    if planner_due(state, t):
+        fit_swing(history, tau, fit)
+        estimate[E_SURPRISE] = fit[F_SURPRISE]
+    fit[F_SINCE] = t - history[H_TIME]
+    carry_swing(x, fit, estimate[E_AGE], params[pp.FILTER_TAU])
+    if planner_due(state, t):
+        predict_swing(x, fit, tau, step, future)
+    return _step(state, t, p, v, q, x, estimate, future, step, params, out)
+
+
+@njit
+def planner_on_belief(state, t, p, v, q, belief, belief_params, x, covariance, estimate, future, step, params, out):
+    """`planner_on_estimate` on a belief row, predicted to `t`.
+
+    `x` (8,), `covariance` (64,), `estimate` (ESTIMATE_DIM,) are scratch that holds the estimate afterwards.
+    """
+    estimate_from_belief(belief, t, belief_params, x, covariance, estimate)
+    return planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, out)

@@ -1,0 +1,97 @@
+"""What keeps a training run safe: checkpoints that replace each other whole, curves that continue, provenance."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from policies.env import Env, Tally
+
+
+class TrainingError(RuntimeError):
+    """Training cannot go on; the message says which number went wrong."""
+
+
+def env_state(env: Env) -> dict[str, np.ndarray]:
+    """Copies of all rows of an environment."""
+    return {name: array.copy() for name, array in env.rows._asdict().items()} | {"steps": np.array(env.steps)}
+
+
+def load_env(env: Env, state: dict[str, np.ndarray]) -> None:
+    """Inverse of `env_state`. Raises TrainingError if the checkpoint belongs to another environment."""
+    for name, array in env.rows._asdict().items():
+        if state[name].shape != array.shape:
+            raise TrainingError(f"checkpoint has {name} {state[name].shape}, this run {array.shape}: other settings")
+        array[:] = state[name]
+    env.steps = int(state["steps"])
+    env.tally = Tally()
+
+
+def save_checkpoint(path: Path, data: dict[str, Any]) -> None:
+    """Write so that a kill at any moment leaves either the old or the new file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trial = path.with_suffix(".tmp")
+    with trial.open("wb") as file:
+        torch.save(data, file)
+        file.flush()
+        os.fsync(file.fileno())
+    trial.replace(path)
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Read a checkpoint of this project. Raises TrainingError in one line if it is missing or damaged."""
+    if not path.is_file():
+        raise TrainingError(f"checkpoint {path} does not exist")
+    try:
+        return torch.load(path, map_location="cpu", weights_only=False)
+    except Exception as error:  # torch raises pickle, zip and runtime errors alike
+        raise TrainingError(
+            f"checkpoint {path} is damaged ({type(error).__name__}); start again or use another"
+        ) from None
+
+
+class Curve:
+    """A CSV of one line an iteration. Lines after the checkpoint that a run resumes from are dropped."""
+
+    def __init__(self, path: Path, resume_at: int | None) -> None:
+        self._path, self._columns = path, []
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if resume_at is None or not path.exists():
+            path.unlink(missing_ok=True)
+            return
+        with path.open() as file:
+            lines = list(csv.DictReader(file))
+        path.unlink()
+        for line in lines:
+            if int(float(line["samples"])) <= resume_at:
+                self.add({k: float(v) for k, v in line.items()})
+
+    def add(self, line: dict[str, float]) -> None:
+        """Append; the first line names the columns."""
+        fresh = not self._path.exists()
+        if fresh or not self._columns:
+            self._columns = list(line)
+        with self._path.open("a", newline="") as file:
+            writer = csv.DictWriter(file, self._columns, extrasaction="ignore")
+            if fresh:
+                writer.writeheader()
+            writer.writerow({k: f"{v:.6g}" if k != "samples" else int(v) for k, v in line.items()})
+
+
+def commit_id() -> str:
+    """Short hash of the checked-out commit, with + if files differ, or 'unknown'."""
+    here = Path(__file__).parent
+
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=here, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        return git("rev-parse", "--short", "HEAD") + ("+" if git("status", "--porcelain", "--", ".") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

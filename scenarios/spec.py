@@ -1,0 +1,316 @@
+"""What a scenario file may say, and how it is found and read.
+
+A scenario says what happens: the platform's path and speed law, the board, the start, the camera's rate, wind, limits
+and tolerances, and the published row to compare with. It is data only: nothing here builds a path or a node.
+SI units; a unit stands in a name only where it is not SI. World ENU; the path frame's origin is the world's.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
+
+from scenarios.toml_errors import ConfigError, load_toml, nearest, read_toml
+
+FOLDER = Path(__file__).parent
+
+Number = Annotated[float, Strict()]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+
+
+def _ordered(value: tuple[float, float]) -> tuple[float, float]:
+    if value[0] > value[1]:
+        raise ValueError(f"[low, high] must be in order, but it is [{value[0]}, {value[1]}]")
+    return value
+
+
+Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+
+
+class Table(BaseModel):
+    """A TOML table: unknown keys, NaN and infinity are refused, values cannot change after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class StaticPath(Table):
+    """The platform stands at (x, y), facing `heading_deg` (counter-clockwise from east)."""
+
+    kind: Literal["static"]
+    x: Number = 0.0
+    y: Number = 0.0
+    heading_deg: Number = 0.0
+
+
+class LinePath(Table):
+    """Reciprocating line x = A sin(v t / A + phase), y = 0, constant heading, signed speed (paper, trajectory (a)).
+
+    The speed law gives v, the peak speed. `phase_deg` -90 starts at the western turning point, at rest.
+    """
+
+    kind: Literal["line"]
+    amplitude: Positive = 12.0
+    phase_deg: Number = -90.0
+
+
+class RacetrackPath(Table):
+    """Two straights of `straight` joined by semicircles of `radius`, counter-clockwise (paper, trajectory (b))."""
+
+    kind: Literal["racetrack"]
+    radius: Positive = 4.0
+    straight: Positive = 4.0
+    lap_start: Range = (0.0, 1.0)
+
+
+class Figure8Path(Table):
+    """Lemniscate of scale `scale` (paper, trajectory (c))."""
+
+    kind: Literal["figure8"]
+    scale: Positive = 4.0
+    lap_start: Range = (0.0, 1.0)
+
+
+class ArcPath(Table):
+    """A circle of `radius` about the origin, driven to the left (counter-clockwise) or to the right."""
+
+    kind: Literal["arc"]
+    radius: Positive
+    turn: Literal["left", "right"] = "left"
+    lap_start: Range = (0.0, 1.0)
+
+
+class ThenArc(Table):
+    """A tangential change to a circular arc, `after` (s, [low, high], drawn by the seed) the car has started."""
+
+    after: Range
+    radius: Positive
+    turn: Literal["left", "right"] = "left"
+
+
+class SplinePath(Table):
+    """Random periodic cubic B-spline about the origin (paper, trajectory (d)): control radii drawn by the seed from
+    U(radius), smoothed around the circle, shrunk until curvature <= turn_rate_limit / speed."""
+
+    kind: Literal["spline"]
+    control_points: Annotated[int, Field(ge=4)] = 12
+    radius: Range = (1.0, 12.0)
+    turn_rate_limit: Positive = 1.2
+    lap_start: Range = (0.0, 1.0)
+    then: ThenArc | None = None
+
+
+Path_ = Annotated[
+    StaticPath | LinePath | RacetrackPath | Figure8Path | ArcPath | SplinePath, Field(discriminator="kind")
+]
+
+
+class ConstantSpeed(Table):
+    kind: Literal["constant"]
+    speed: NotNegative
+
+
+class OuSpeed(Table):
+    """speed * exp(eta), eta an Ornstein-Uhlenbeck process (paper, appendix on trajectories)."""
+
+    kind: Literal["ou"]
+    speed: NotNegative
+    tau: Positive = 1.0
+    sigma: NotNegative = 0.1
+
+
+class CosineSpeed(Table):
+    """minimum + (maximum - minimum) (1 + cos(2 pi t / period + phase)) / 2, t from the car's start (paper, Hard-I).
+
+    The seed draws the phase from `phase_deg`, [low, high].
+    """
+
+    kind: Literal["cosine"]
+    minimum: NotNegative
+    maximum: NotNegative
+    period: Positive
+    phase_deg: Range = (0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _order(self) -> CosineSpeed:
+        if self.minimum > self.maximum:
+            raise ValueError(f"minimum {self.minimum} is above maximum {self.maximum}")
+        return self
+
+
+class ScheduledSpeed(Table):
+    """`first` until the path's change (`path.then`), then within `ramp` seconds to `second` (paper, Hard-II)."""
+
+    kind: Literal["scheduled"]
+    first: NotNegative
+    second: NotNegative
+    ramp: NotNegative = 0.5
+
+
+Speed = Annotated[ConstantSpeed | OuSpeed | CosineSpeed | ScheduledSpeed, Field(discriminator="kind")]
+
+
+class Board(Table):
+    """Square board of side `size`, centre `height` above the ground, tilted by `inclination_deg` (0: facing up)."""
+
+    inclination_deg: Annotated[Number, Field(ge=0, le=90)]
+    height: Positive = 1.5
+    size: Positive = 0.42
+
+
+class Start(Table):
+    """Where the drone hovers, in polar form about the board: behind it by `distance` (horizontal), above its centre by
+    `altitude`, `azimuth_deg` counter-clockwise from straight behind, seen from above. The seed draws from each range.
+
+    `anchor` says at which moment the board stands at the polar's centre: when the car starts or when the attempt does
+    (reference motion; the car comes from behind the drone then). `yaw` faces that board position or the car's heading.
+
+    `depression_max_deg`: the drone sees the board's centre at most this far below the horizon, or it would hover too
+    near above it to see it at all. The paper redraws a start until the board is visible; here the distance is drawn
+    from what the altitude leaves. Its camera sees 41 deg down, less the board's size and the mount's error.
+    """
+
+    distance: Range
+    altitude: Range
+    azimuth_deg: Range
+    depression_max_deg: Annotated[Number, Field(gt=0, lt=90)] = 33.0
+    anchor: Literal["car_start", "attempt_start"] = "car_start"
+    yaw: Literal["board", "heading"] = "board"
+
+    @model_validator(mode="after")
+    def _visible(self) -> Start:
+        nearest = self.nearest(self.altitude[1])
+        if nearest > self.distance[1]:
+            raise ValueError(
+                f"at altitude {self.altitude[1]} m the board would be more than {self.depression_max_deg:g} deg below "
+                f"the horizon: distance must reach at least {math.ceil(100 * nearest) / 100} m"
+            )
+        return self
+
+    def nearest(self, altitude: float) -> float:
+        """The least distance (m) that may be drawn at `altitude` (m)."""
+        return max(self.distance[0], altitude / math.tan(math.radians(self.depression_max_deg)))
+
+
+class Car(Table):
+    """The car starts driving `lead` seconds before the attempt: before the policy may engage."""
+
+    lead: NotNegative = 0.0
+
+
+class Camera(Table):
+    """Exposures a second."""
+
+    rate: Annotated[Number, Field(gt=0, le=240)]
+
+
+class Wind(Table):
+    """Mean wind (world, the velocity of the air), gusts of one-sigma `gust` per axis with correlation `gust_time`."""
+
+    mean: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    gust: NotNegative = 0.0
+    gust_time: Positive = 1.0
+
+
+class Tolerance(Table):
+    """A perch counts within tolerance if all three hold at contact (paper, Algorithm 1)."""
+
+    distance: Positive = 0.2
+    tangential_speed: Positive = 0.6
+    angle: Positive = 0.2
+
+
+class Workspace(Table):
+    """The box the drone must stay in from hand-over to the end, in the world frame (z from the ground)."""
+
+    x: Range = (-20.0, 20.0)
+    y: Range = (-20.0, 20.0)
+    z: Range = (0.3, 8.0)
+
+
+class Randomisation(Table):
+    """What a seed varies: relative half-widths and half-widths of uniform draws (paper, domain randomisation).
+
+    `camera_calibration_deg` is the one-sigma part of the mount's tilt that a calibration leaves unknown (0.5 deg is
+    0.02 m at 2 m, the paper's position bias); the biases are one-sigma and act where pictures are not rendered.
+    """
+
+    mass: Annotated[Number, Field(ge=0, lt=1)] = 0.30
+    inertia: Annotated[Number, Field(ge=0, lt=1)] = 0.10
+    thrust_to_weight: Annotated[Number, Field(ge=0, lt=1)] = 0.15
+    thrust_gain: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    camera_tilt_deg: NotNegative = 5.0
+    camera_calibration_deg: NotNegative = 0.5
+    vision_position_bias: NotNegative = 0.02
+    vision_orientation_bias_deg: NotNegative = 2.0
+
+
+class Scenario(Table):
+    """One scenario file. `time_limit` (s) counts from the attempt's start; `published` names a row of paper.toml."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$", max_length=40)]
+    title: str
+    description: str
+    path: Path_
+    speed: Speed
+    board: Board
+    start: Start
+    camera: Camera
+    car: Car = Car()
+    wind: Wind = Wind()
+    tolerance: Tolerance = Tolerance()
+    workspace: Workspace = Workspace()
+    randomisation: Randomisation = Randomisation()
+    time_limit: Positive = 15.0
+    published: str | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> Scenario:
+        change = isinstance(self.path, SplinePath) and self.path.then is not None
+        if isinstance(self.speed, ScheduledSpeed) and not change:
+            raise ValueError('speed.kind "scheduled" changes speed when the path does: add a [path.then] table')
+        if isinstance(self.path, StaticPath) and getattr(self.speed, "speed", 1.0) != 0.0:
+            raise ValueError('path.kind "static" needs speed.kind "constant" with speed = 0')
+        return self
+
+
+def list_scenarios() -> list[str]:
+    """Names of the scenarios that come with the project, easiest first as in the paper."""
+    files = (p for p in FOLDER.glob("*.toml") if "path" in read_toml(p))
+    order = {"simple": 0, "normal": 1, "hard": 2}
+    names = (p.stem.replace("_", "-") for p in files)
+    return sorted(names, key=lambda n: (order.get(n.split("-")[0], 3), n))
+
+
+def load(name_or_path: str | Path) -> Scenario:
+    """The scenario called `name_or_path`, or the user's own file if that is a path.
+
+    Raises ConfigError (a ValueError) for an unknown name, with the nearest one, and for every fault in the file.
+    """
+    text = str(name_or_path)
+    if text.endswith(".toml") or "/" in text:
+        return _checked(Path(text))
+    names = list_scenarios()
+    name = text.lower().replace("_", "-")
+    if name not in names:
+        raise ConfigError(
+            f'there is no scenario "{text}"{nearest(name, names)} Known: {", ".join(names)}; '
+            "a file of your own is given by its path, ending in .toml"
+        )
+    return _checked(FOLDER / f"{name.replace('-', '_')}.toml")
+
+
+def _checked(path: Path) -> Scenario:
+    from scenarios.paper import row_keys
+
+    scenario = load_toml(path, Scenario)
+    if scenario.published is not None and scenario.published not in row_keys():
+        keys = row_keys()
+        raise ConfigError(
+            f'{path}: key "published" is "{scenario.published}"{nearest(scenario.published, keys)} '
+            f"Allowed: {', '.join(keys)}, or leave the key out"
+        )
+    return scenario

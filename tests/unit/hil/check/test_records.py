@@ -1,0 +1,113 @@
+import json
+import os
+from datetime import UTC, datetime
+
+import pytest
+from made_up import checklist, record_of, sit
+
+from hil.check import records
+from hil.check.judge import Outcome
+from hil.check.records import GO, INCOMPLETE, NO_GO, RecordError
+
+NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+
+
+@pytest.fixture
+def record(tmp_path):
+    made = checklist([{"ask": "A"}, {"ask": "B"}])
+    record = record_of(made)
+    sit(made, record, tmp_path)
+    return record
+
+
+def test_a_record_reads_back_as_it_was_written(record, tmp_path):
+    record.sign("Ann", NOW)
+    records.write(tmp_path / "deep" / "r.json", record)
+    again = records.read(tmp_path / "deep" / "r.json")
+    assert again == record
+    assert again.genuine()
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["r.json"]
+
+
+def test_incomplete_until_signed(record, tmp_path):
+    assert json.loads((tmp_path / "record.json").read_text())["state"] == "incomplete"
+    record.sign(" Ann ", NOW)
+    assert record.as_dict()["state"] == "signed"
+    assert record.sign_off["operator"] == "Ann"
+    assert record.sign_off["utc"] == "2026-01-02T03:04:05Z"
+
+
+def test_nobody_signs_without_a_name(record):
+    with pytest.raises(RecordError, match="name"):
+        record.sign("  ", NOW)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["entries"][0].update(outcome="SKIPPED"),
+        lambda d: d["entries"].pop(),
+        lambda d: d["subject"].update(rig="other"),
+        lambda d: d["subject"].update(scenario_class="hard"),
+        lambda d: d["sign_off"].update(operator="Bob"),
+        lambda d: d["sign_off"].update(utc="2026-01-03T03:04:05Z"),
+        lambda d: d.update(started_utc="2026-01-03T03:04:05Z"),
+    ],
+)
+def test_a_change_after_signing_shows(record, tmp_path, change):
+    record.sign("Ann", NOW)
+    table = record.as_dict()
+    change(table)
+    path = tmp_path / "r.json"
+    path.write_text(json.dumps(table))
+    assert not records.read(path).genuine()
+
+
+def test_the_verdict_in_the_file_is_the_items(record):
+    assert (record.exit_code(), record.content()["verdict"]) == (GO, "go")
+    record.entries[0].outcome = Outcome.UNKNOWN
+    assert (record.exit_code(), record.content()["verdict"]) == (INCOMPLETE, "incomplete")
+    record.entries[1].outcome = Outcome.FAIL
+    assert (record.exit_code(), record.content()["verdict"]) == (NO_GO, "no-go")
+    assert record.content()["counts"] == {"FAIL": 1, "UNKNOWN": 1}
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", "{", '{"format": 1}', '{"format": 9}', "\0"])
+def test_what_is_no_record_is_said_with_its_name(tmp_path, text):
+    path = tmp_path / "r.json"
+    path.write_text(text)
+    with pytest.raises(RecordError, match=r"r\.json"):
+        records.read(path)
+
+
+def test_a_damaged_outcome_or_sign_off_is_refused(record, tmp_path):
+    record.sign("Ann", NOW)
+    for change in ({"sign_off": {"operator": "Ann"}}, {"entries": [{"key": "x"}]}, {"entries": None}):
+        path = tmp_path / "r.json"
+        path.write_text(json.dumps({**record.as_dict(), **change}))
+        with pytest.raises(RecordError):
+            records.read(path)
+
+
+def test_a_write_that_fails_leaves_the_old_record(record, tmp_path, monkeypatch):
+    path = tmp_path / "record.json"
+    before = path.read_text()
+
+    def full(fd):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    record.entries[0].outcome = Outcome.FAIL
+    with pytest.raises(RecordError, match="No space left"):
+        records.write(path, record)
+    assert path.read_text() == before
+
+
+def test_records_are_found_newest_first_and_rubbish_is_passed_over(record, tmp_path):
+    folder = tmp_path / "checks"
+    for name, started in (("a", "2026-01-01T00:00:00Z"), ("b", "2026-01-03T00:00:00Z"), ("c", "2026-01-02T00:00:00Z")):
+        record.started_utc = started
+        records.write(folder / f"{name}.json", record)
+    (folder / "d.json").write_text("rubbish")
+    assert [path.stem for path, _ in records.find(folder, lambda r: True)] == ["b", "c", "a"]
+    assert records.find(tmp_path / "nowhere", lambda r: True) == []

@@ -1,0 +1,139 @@
+import json
+
+import numpy as np
+import pytest
+from pages import Page
+
+from hil.report import page
+from hil.report.recorded import load
+from hil.report.write import write_report
+
+SECTIONS = [
+    "row", "touchdown", "attempt", "frames", "motion", "perception", "estimate", "commands", "latency", "car", "timing",
+    "events", "missing", "provenance",
+]  # fmt: skip
+PLOTS = [
+    "closing", "normal", "speed", "pitch", "height", "velocity-0", "velocity-1", "velocity-2", "tags", "corners",
+    "rate", "rho", "belief-position", "detection-error", "belief-angles", "belief-speed", "odometry", "rate-0",
+    "rate-1", "rate-2", "thrust", "age", "detection-latency", "car-speed", "car-turn",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def full(golden):
+    return Page(page.render([load(golden)]))
+
+
+def test_every_section_and_every_plot_is_there(full):
+    assert [i for i in full.ids if i in SECTIONS] == SECTIONS
+    assert [p["key"] for p in full.data["plots"]] == PLOTS
+    assert {p["id"] for p in full.data["plots"]} <= set(full.ids)
+    assert "Nothing: every topic of the contract has messages, and every plot is drawn." in full.text
+
+
+def test_verdict_first_then_the_papers_row(full, golden):
+    score = json.loads((golden / "score.json").read_text())
+    assert full.text.index("Perched within tolerance") < full.text.index("The paper's row")
+    assert f"{score['metrics']['planar']:.3f} m" in full.text
+    assert "≤ 0.20" in full.text and "≤ 11.46" in full.text
+    assert "0.50 to 2.35" in full.text  # published platform speed of Simple-II
+    assert "score.json against the recording agrees" in full.text
+    assert "The recording is incomplete" not in full.text
+
+
+def test_plots_hold_what_was_recorded(full, golden):
+    recorded = load(golden)
+    t, y = full.series("rho", "rho")
+    belief = recorded.topics["belief"]
+    chosen = np.isfinite(y)
+    wanted = np.interp(t[chosen], recorded.seconds(belief.nanoseconds()), belief["rho"])
+    np.testing.assert_allclose(y[chosen], wanted, atol=1e-5)
+    t, y = full.series("pitch", "board")
+    np.testing.assert_allclose(y, 45.0, atol=0.5)  # the board's set inclination
+    t, y = full.series("normal", "height of the magnet (m)")
+    contact = full.data["flights"][0]["decided"]
+    assert abs(np.interp(contact, t, y)) < 0.02  # at contact the magnet is on the board
+
+
+def test_touchdown_agrees_with_the_referee(golden):
+    recorded = load(golden)
+    seen, metrics = recorded.approach, recorded.score["metrics"]
+    i = int(np.searchsorted(seen.t, recorded.decided_ns))
+    assert seen.magnet[i, 0] == pytest.approx(metrics["x"], abs=5e-3)
+    assert seen.magnet[i, 1] == pytest.approx(metrics["y"], abs=5e-3)
+    assert np.degrees(seen.normal_error[i]) == pytest.approx(metrics["normal_alignment_deg"], abs=1.0)
+
+
+def test_marks_and_phases_are_on_the_axis(full):
+    axis = full.data["flights"][0]
+    assert any(label == "contact" and t == axis["decided"] for t, _, _, label in axis["marks"])
+    assert any("stage attempt" in text and t == 0.0 for t, _, text, _ in axis["marks"])
+    names = [name for _, _, name in axis["phases"]]
+    assert "commit" in names and names[-1] == "ended"
+    starts = [a for a, _, _ in axis["phases"]]
+    assert starts == sorted(starts)
+
+
+def test_key_frames_with_the_tags_outlined(full):
+    frames = full.html[full.html.index('id="frames"') : full.html.index('id="motion"')]
+    assert frames.count("data:image/jpeg") >= 2
+    assert "<polygon" in frames
+    assert "first detection" in frames and "last picture before contact" in frames
+
+
+def test_it_is_small(full):
+    pictures = sum(len(part.split('"')[0]) for part in full.html.split("data:image/jpeg;base64,")[1:])
+    attempt_s = full.data["flights"][0]["home"][1]
+    plots = sum(map(len, full.data["arrays"]))
+    rest = len(full.html.encode()) - pictures - plots
+    assert rest + plots * 20.0 / attempt_s < 3_000_000  # a flight of 20 s, without pictures
+    assert pictures < 200_000
+
+
+def test_two_flights_side_by_side(golden, copied):
+    score = json.loads((copied / "score.json").read_text())
+    score["attached"] = False
+    (copied / "score.json").write_text(json.dumps(score))
+    both = Page(page.render([load(golden), load(copied)]))
+    assert [p["key"] for p in both.data["plots"] if p["flight"] == 1] == PLOTS
+    assert len(both.data["flights"]) == 2
+    assert "Perched within tolerance" in both.text
+    assert "Within tolerance, but the magnet did not hold" in both.text
+    assert "DIFFERS" in both.text  # the second score.json is not what its recording says
+
+
+def test_default_places(copied, tmp_path, golden):
+    assert write_report([copied]) == copied / "report.html"
+    assert write_report([copied], golden) == copied / "report_vs_simple-ii.html"
+    target = tmp_path / "mine.html"
+    assert write_report([copied / "run.mcap"], out=target) == target
+    assert "Perched within tolerance" in target.read_text()
+    assert not list(copied.glob(".*"))
+
+
+def test_what_a_run_is_called_is_no_markup(copied):
+    manifest = json.loads((copied / "manifest.json").read_text())
+    manifest["policy"]["name"] = "<script>alert(1)</script>"
+    manifest["rig"]["title"] = '"><img src=x>'
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    html = page.render([load(copied)])
+    assert "<script>alert" not in html
+    assert "<img src=x" not in html
+    Page(html)
+
+
+def test_late_steps_of_a_live_run(copied):
+    pace = {"steps": 900, "late": 7, "missed": 2, "worst_ns": 12_500_000, "busy_ns": 5}
+    table = {"services": {"brain": {"nodes": {"policy": pace}, "lost": {"belief": 3}, "dropped": {}}}}
+    (copied / "live.json").write_text(json.dumps({**table, "remarks": ["the camera came late"]}))
+    text = Page(page.render([load(copied)])).text
+    assert "policy brain 900 7 2 12.5 3" in text
+    assert "the camera came late" in text
+
+
+def test_a_live_run_without_its_numbers_says_so(copied):
+    manifest = json.loads((copied / "manifest.json").read_text())
+    (copied / "manifest.json").write_text(json.dumps({**manifest, "host": "live"}))
+    assert "late and missed steps of each node no live.json" in Page(page.render([load(copied)])).text
+    (copied / "live.json").write_text("{")
+    Page(page.render([load(copied)]))

@@ -1,0 +1,199 @@
+"""The bus: letters come whole, in order, stamped; readers the contract does not list are refused; bad bytes count."""
+
+import socket
+import time
+
+import pytest
+import zenoh
+
+from hil import messages as m
+from hil.bus import HEALTH, TOPIC, Bus, BusError, Mailbox, open_hub
+from hil.codec import encode
+
+
+def free_endpoint():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{one.getsockname()[1]}"
+
+
+@pytest.fixture
+def endpoint():
+    where = free_endpoint()
+    with open_hub(where):
+        yield where
+
+
+def belief(number):
+    place = (float(number), 0.0, 1.5)
+    return m.Belief(number, True, place, 0.0, 1.0, 0.0, 0.5, 1.0, number, 1, 0, (1.0, 2.0), 0.0, 1)
+
+
+def image(number):
+    return m.Image(number, 640, 480, 1, bytes([number]) * (640 * 480), number)
+
+
+def collect(mailbox, count, limit_s=5.0):
+    letters, until = [], time.monotonic() + limit_s
+    while len(letters) < count and time.monotonic() < until:
+        mailbox.wait(50_000_000)
+        letters += mailbox.drain()
+    return letters
+
+
+def published_until_heard(bus, mailbox, topic, make):
+    """Publish until the subscription, which takes a moment to reach the hub, lets the first one through."""
+    for number in range(200):
+        bus.publish(number, topic, make(number))
+        mailbox.wait(20_000_000)
+        letters = mailbox.drain()
+        if letters:
+            while letters[-1].sequence < number:
+                letters += collect(mailbox, 1)
+            return number + 1
+    raise AssertionError("nothing was ever heard")
+
+
+def test_letters_come_whole_in_order_and_stamped(endpoint):
+    mailbox = Mailbox()
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.subscribe("policy", ["belief"], mailbox)
+        first = published_until_heard(a, mailbox, "belief", belief)
+        for number in range(first, first + 200):
+            assert a.publish(1000 + number, "belief", belief(number)) == number
+        letters = collect(mailbox, 200)
+        assert [letter.sequence for letter in letters] == list(range(first, first + 200))
+        assert all(letter.message == belief(letter.sequence) for letter in letters)
+        assert all(letter.published_ns == 1000 + letter.sequence for letter in letters)
+        assert (mailbox.dropped, mailbox.lost, mailbox.garbage) == ({}, {}, 0)
+    mailbox.close()
+
+
+def test_pictures_come_bit_for_bit(endpoint):
+    mailbox = Mailbox(pictures=60)
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.subscribe("detector", ["camera/image"], mailbox)
+        first = published_until_heard(a, mailbox, "camera/image", image)
+        a.publish(5, "camera/image", image(first))
+        assert collect(mailbox, 1)[-1].message == image(first)
+    mailbox.close()
+
+
+@pytest.mark.parametrize(
+    ("reader", "topic", "text"),
+    [
+        ("policy", "truth/board", "policy may not read 'truth/board': the contract allows vehicle_device, camera"),
+        ("belief", "mocap/board", "may not read"),
+        ("policy", "truth/bord", "does not list"),
+    ],
+)
+def test_the_contract_says_who_reads(endpoint, reader, topic, text):
+    with Bus(endpoint) as bus, pytest.raises(BusError, match=text):
+        bus.subscribe(reader, [topic], Mailbox())
+
+
+def test_the_recorder_reads_everything(endpoint):
+    with Bus(endpoint) as bus:
+        bus.subscribe("recorder", ["truth/board", "belief"], Mailbox())
+
+
+def test_garbage_on_a_topic_is_counted_not_delivered(endpoint):
+    mailbox = Mailbox()
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.subscribe("policy", ["belief"], mailbox)
+        published_until_heard(a, mailbox, "belief", belief)
+        stamp = bytes(16)
+        for payload, attachment in ((b"\xff\xff", stamp), (encode(belief(1)), b"short"), (encode(belief(1)), None)):
+            a._session.put(TOPIC + "belief", payload, attachment=attachment)
+        until = time.monotonic() + 5.0
+        while mailbox.garbage < 3 and time.monotonic() < until:
+            mailbox.wait(20_000_000)
+            assert mailbox.drain() == []
+        assert mailbox.garbage == 3
+    mailbox.close()
+
+
+def test_tables_of_the_harness_go_by_their_key(endpoint):
+    heard = []
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.hear(HEALTH + "*", heard.append)
+        until = time.monotonic() + 5.0
+        while not heard and time.monotonic() < until:
+            a._session.put(HEALTH + "x", b"no json")
+            a._session.put(HEALTH + "x", b"[1]")
+            a.say(HEALTH + "x", {"service": "x"})
+            time.sleep(0.02)
+    assert heard
+    assert all(table == {"service": "x"} for table in heard)
+
+
+def test_one_machine_has_one_clock(endpoint):
+    with Bus(endpoint) as bus:
+        assert bus.clock_offset() == (0, 0)
+
+
+def test_another_machines_clock_is_measured(endpoint, monkeypatch):
+    names = iter(range(10_000))  # the hub answers and the asker compares in this process: they never agree
+    monkeypatch.setattr("hil.bus.boot_id", lambda: str(next(names)).encode())
+    with Bus(endpoint) as bus:
+        offset_ns, half_trip_ns = bus.clock_offset(tries=5)
+    assert half_trip_ns > 0
+    assert abs(offset_ns) <= half_trip_ns  # the same clock in truth
+
+
+def test_without_a_hub_it_says_what_to_start():
+    with pytest.raises(BusError, match="perch-hil hub"):
+        Bus(free_endpoint(), timeout_s=0.3)
+
+
+def test_a_port_in_use_is_named(endpoint):
+    with pytest.raises(BusError, match=f"cannot listen on {endpoint}"):
+        open_hub(endpoint)
+
+
+# the mailbox by itself
+
+
+def put(mailbox, topic, number, message):
+    mailbox.put(topic, encode(message), number.to_bytes(8, "little") + number.to_bytes(8, "little"))
+
+
+def test_the_newest_picture_wins_and_the_others_are_counted():
+    mailbox = Mailbox()
+    for number in range(5):
+        put(mailbox, "camera/image", number, image(number))
+    assert [letter.sequence for letter in mailbox.drain()] == [4]
+    assert mailbox.dropped == {"camera/image": 4}
+
+
+def test_a_full_mailbox_drops_the_oldest():
+    mailbox = Mailbox(depth=8)
+    for number in range(11):
+        put(mailbox, "belief", number, belief(number))
+    assert [letter.sequence for letter in mailbox.drain()] == list(range(3, 11))
+    assert mailbox.dropped == {"belief": 3}
+
+
+def test_missing_numbers_are_counted():
+    mailbox = Mailbox()
+    for number in (0, 1, 4, 5, 9):
+        put(mailbox, "belief", number, belief(number))
+    mailbox.drain()
+    assert mailbox.lost == {"belief": 5}
+
+
+def test_topics_keep_their_common_order():
+    mailbox = Mailbox()
+    order = ["belief", "run/stage", "belief", "run/stage"]
+    for number, topic in enumerate(order):
+        put(mailbox, topic, number // 2, belief(number) if topic == "belief" else m.Stage(number, "lead", 0, 0))
+    assert [letter.topic for letter in mailbox.drain()] == order
+
+
+def test_zenoh_is_not_scouting():
+    from hil.bus import _settings
+
+    config = _settings(mode="client")
+    assert isinstance(config, zenoh.Config)
+    assert config.get_json("scouting/multicast/enabled") == "false"
+    assert config.get_json("scouting/gossip/enabled") == "false"

@@ -1,0 +1,65 @@
+"""The kernel cache must notice a change in a callee that stands in another file: Numba's own does not."""
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from kernel import CACHE_DIR, cache_is_cold
+
+ROOT = Path(__file__).parents[3]
+CALLER = "from kernel import njit\nfrom vehicle.helper import gain\n\n@njit\ndef caller(x):\n    return gain(x)\n"
+HELPER = "from kernel import njit\n\n@njit\ndef gain(x):\n    return {} * x\n"
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A stand-in for the vehicle package beside the real kernel package, with its own cache."""
+    (tmp_path / "vehicle").mkdir()
+    (tmp_path / "vehicle" / "__init__.py").write_text("")
+    (tmp_path / "vehicle" / "caller.py").write_text(CALLER)
+    (tmp_path / "kernel").symlink_to(ROOT / "kernel")
+
+    def run(**environment):
+        code = """
+            from vehicle.caller import caller
+            print(caller(1.0), getattr(caller, "stats", None) and sum(caller.stats.cache_hits.values()))
+        """
+        environment = {**os.environ, "PERCH_KERNEL_CACHE": str(tmp_path / "cache"), "PYTHONPATH": "", **environment}
+        return subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(code)],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+
+    return tmp_path / "vehicle" / "helper.py", run
+
+
+def test_a_changed_callee_is_recompiled_and_an_unchanged_one_is_not(package):
+    helper, run = package
+    helper.write_text(HELPER.format(2.0))
+    assert run() == ["2.0", "0"]
+    assert run() == ["2.0", "1"]
+    helper.write_text(HELPER.format(3.0))
+    assert run() == ["3.0", "0"]
+
+
+def test_kernels_run_without_the_compiler(package):
+    helper, run = package
+    helper.write_text(HELPER.format(2.0))
+    assert run(NUMBA_DISABLE_JIT="1")[0] == "2.0"
+
+
+def test_cold_means_no_compiled_kernel(tmp_path, monkeypatch):
+    monkeypatch.setattr("kernel.CACHE_DIR", tmp_path)
+    assert cache_is_cold()
+    (tmp_path / "abc").mkdir()
+    (tmp_path / "abc" / "f.nbi").write_bytes(b"")
+    assert not cache_is_cold()
+    assert CACHE_DIR.is_absolute()

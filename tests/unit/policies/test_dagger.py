@@ -1,0 +1,59 @@
+"""Imitation: it learns, it resumes to the same curve, it stops on numbers that are not finite."""
+
+import numpy as np
+import pytest
+import torch
+
+from policies.dagger import Dagger, DaggerConfig, Replay
+from policies.env_config import EnvConfig
+from policies.network import NetworkConfig
+from policies.train_io import TrainingError
+
+torch.set_num_threads(1)
+ENV = EnvConfig(count=64, seed=21, odometry_noise=0.0, future_stride=10)
+SMALL = DaggerConfig(samples=64 * 8 * 12, horizon=8, replay=4096, batch=256, batches=4, teacher_fade=2000)
+
+
+def make(config=SMALL):
+    return Dagger(ENV, NetworkConfig(), config)
+
+
+def test_learns_to_imitate():
+    run = make(DaggerConfig(samples=64 * 8 * 40, horizon=8, batch=512, batches=8, teacher_fade=100_000))
+    losses = []
+    while not run.finished:
+        losses.append(run.step()["loss"])
+    assert np.mean(losses[-4:]) < 0.6 * np.mean(losses[:4])
+
+
+def test_resume_gives_the_same_curve():
+    whole, half = make(), make()
+    curve = [whole.step() for _ in range(6)]
+    for _ in range(3):
+        half.step()
+    state = half.state()
+    rest = make()
+    rest.step()  # a run that has already drawn other numbers
+    rest.load(state)
+    for expected in curve[3:]:
+        got = rest.step()
+        assert got["loss"] == expected["loss"] and got["samples"] == expected["samples"]
+    for a, b in zip(whole.actor.parameters(), rest.actor.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_replay_keeps_the_newest():
+    replay = Replay(6)
+    for k in range(4):
+        replay.add(np.full((2, 318), k), np.full((2, 4), k), np.full(2, k), np.full((2, 8), k))
+    assert replay.filled == 6
+    assert sorted(replay.label[:, 0].tolist()) == [1, 1, 2, 2, 3, 3]
+
+
+def test_numbers_that_are_not_finite_stop_the_run():
+    run = make()
+    run.step()
+    with torch.no_grad():
+        run.actor.head.bias[0] = float("nan")
+    with pytest.raises((TrainingError, ValueError), match="not finite"):
+        run.step()

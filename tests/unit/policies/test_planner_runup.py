@@ -1,0 +1,65 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from policies import planner_params as pp
+from policies import planner_runup as ru
+from policies.planner_params import PlannerParams
+
+ROW = PlannerParams().row()[pp.COUNT :]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.3, 1.45))
+def test_from_the_gate_the_flare_ends_on_the_board_at_the_impact_speed(inclination):
+    x, z, vx, vz, duration = ru.flare_gate(inclination, ROW)
+    steps, pitch = 4000, 0.0
+    dt = duration / steps
+    for _ in range(steps):
+        pitch += 0.5 * ROW[pp.RUN_RATE] * dt
+        ax = -ROW[pp.RUN_THRUST] * math.sin(pitch)
+        az = ROW[pp.RUN_THRUST] * math.cos(pitch) - ROW[pp.GRAVITY]
+        x, z = x + dt * (vx + 0.5 * dt * ax), z + dt * (vz + 0.5 * dt * az)
+        vx, vz = vx + dt * ax, vz + dt * az
+        pitch += 0.5 * ROW[pp.RUN_RATE] * dt
+    n = np.array([-math.sin(inclination), math.cos(inclination)])
+    assert pitch == pytest.approx(inclination, abs=1e-6)
+    assert [x, z] == pytest.approx(ROW[pp.ROBOT_L] * n, abs=1e-3)
+    assert [vx, vz] == pytest.approx(-ROW[pp.IMPACT_SPEED] * n, abs=1e-3)
+
+
+def test_the_reference_starts_at_rest_and_arrives_at_the_gate_without_a_jump():
+    inclination = math.radians(70.0)
+    whole = ru.runup_time(inclination, ROW)
+    start = ru.runup_reference(whole, inclination, ROW)
+    assert start[2] == pytest.approx(0.0, abs=1e-9)
+    gate = ru.flare_gate(inclination, ROW)
+    assert ru.runup_reference(0.0, inclination, ROW)[:4] == pytest.approx(gate[:4])
+    times = np.linspace(whole, -0.1, 400)
+    rows = np.array([ru.runup_reference(t, inclination, ROW) for t in times])
+    dt = times[0] - times[1]
+    for position, velocity in ((0, 2), (1, 3)):
+        mean = 0.5 * (rows[1:, velocity] + rows[:-1, velocity])
+        assert np.diff(rows[:, position]) / dt == pytest.approx(mean, abs=0.01)
+    assert np.all(np.diff(rows[:, 0]) >= -1e-9)
+
+
+def test_at_its_starting_point_with_the_board_s_speed_it_only_holds():
+    inclination, speed = math.radians(70.0), 1.5
+    left = ru.runup_time(inclination, ROW)
+    x, z, *_ = ru.runup_reference(left, inclination, ROW)
+    platform = np.array([3.0, 1.0, 1.5, 0.5, speed, 0.0, inclination, 0.0])
+    c, s, out = math.cos(0.5), math.sin(0.5), np.zeros(4)
+    p = np.array([3.0 + x * c, 1.0 + x * s, 1.5 + z])
+    v = np.array([speed * c, speed * s, 0.0])
+    q = np.array([math.cos(0.25), 0.0, 0.0, math.sin(0.25)])
+    error, rate = ru.fly_runup(left, True, p, v, q, platform, 0.0, 1.0, ROW, out)
+    assert (error, rate) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (
+        out[3] == pytest.approx(ROW[pp.GRAVITY], abs=0.05) and abs(out[0]) < 1e-9 and out[1] > 0
+    )  # leans into the drag
+    moving, _ = ru.fly_runup(left - 1.0, False, p, v, q, platform, 0.0, 1.0, ROW, out)
+    assert moving > 0.3 and out[1] > 0.5  # behind: nose down

@@ -1,0 +1,144 @@
+"""Runs: recipes checked, files left behind, killed and resumed to the same curve, one clear line for what is wrong."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from policies.contract import read_contract
+from policies.train import ACTOR, CHECKPOINT, CURVE, PICTURE, POLICY, load_actor, run
+from policies.train_io import Curve, TrainingError, load_checkpoint
+from policies.train_recipe import FOLDER, RecipeError, list_recipes, load_recipe
+
+torch.set_num_threads(1)
+
+TINY = """
+title = "tiny"
+[env]
+count = 32
+future_stride = 10
+horizon = 160
+odometry_noise = 0.0
+[[phase]]
+kind = "dagger"
+settings = { samples = 1024, horizon = 8, replay = 1024, batch = 64, batches = 2, teacher_fade = 512 }
+[[phase]]
+kind = "ppo"
+settings = { samples = 768, horizon = 8, minibatch = 64, epochs = 1 }
+weights = { impact = 100.0 }
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    path = tmp_path / "tiny.toml"
+    path.write_text(TINY)
+    return path
+
+
+def test_all_recipes_load():
+    assert {"paper", "imitate", "reverse", "smoke"} <= set(list_recipes())
+    for name in list_recipes():
+        recipe = load_recipe(name)
+        assert recipe.env_config("state", 1).stage == "state"
+    paper = load_recipe("paper")
+    phase = paper.phase[0]
+    assert paper.phase_config(phase).samples == 40_000_000
+    env = paper.env_config("state", 1, phase)
+    assert (env.stride, env.speed, env.weights.row()[16]) == (1, (0.0, 2.5), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('kind = "dagger"', 'kind = "sarsa"', "sarsa"),
+        ("count = 32", "cuont = 32", "did you mean 'count'"),
+        ("count = 32", 'count = "many"', "count"),
+        ("samples = 1024", "samples = 10.5", "samples"),
+        ("[env]", "[env", "not valid TOML"),
+        ("impact = 100.0", "impcat = 100.0", "did you mean 'impact'"),
+        ("count = 32", "count = 0", "at least 1"),
+    ],
+)
+def test_bad_recipes_say_what_is_wrong(tiny, old, new, words):
+    tiny.write_text(TINY.replace(old, new))
+    with pytest.raises(RecipeError, match=words) as error:
+        load_recipe(tiny)
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_recipe_names_the_nearest():
+    with pytest.raises(RecipeError, match="did you mean 'imitate'"):
+        load_recipe("immitate")
+    assert FOLDER.is_dir()
+
+
+def test_run_resume_and_what_is_left_behind(tiny, tmp_path):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    recipe = str(tiny)
+    policy = run("state", recipe, 3, whole)
+    steps = [0]
+
+    def after_two() -> bool:
+        steps[0] += 1
+        return steps[0] == 2
+
+    run("state", recipe, 3, broken, stop=after_two)
+    assert len((broken / CURVE).read_text().splitlines()) == 3
+    run("state", recipe, 3, broken, resume=True)
+    assert (broken / CURVE).read_text() == (whole / CURVE).read_text()
+    a, b = load_actor(whole / ACTOR)[0].state_dict(), load_actor(broken / ACTOR)[0].state_dict()
+    assert all(torch.equal(a[k], b[k]) for k in a)
+    assert policy == whole / POLICY
+    contract = read_contract(policy)
+    assert contract.stage == "state" and contract.provenance.samples == 1024 + 768
+    assert contract.provenance.recipe == "tiny" and contract.observation.stride == 3
+    assert (whole / PICTURE).read_text().startswith("<svg")
+    with pytest.raises(TrainingError, match="another recipe, stage or seed"):
+        run("state", recipe, 4, whole, resume=True)
+
+
+def test_vision_run_from_a_state_actor(tiny, tmp_path):
+    run("state", str(tiny), 1, tmp_path / "s")
+    policy = run("vision", str(tiny), 1, tmp_path / "v", parent=tmp_path / "s" / ACTOR)
+    contract = read_contract(policy)
+    assert contract.stage == "vision" and contract.provenance.parent == "tiny-state-1"
+    assert contract.provenance.samples == 2 * (1024 + 768)
+
+
+def test_what_is_wrong_is_one_line(tiny, tmp_path):
+    with pytest.raises(TrainingError, match="does not exist"):
+        run("state", str(tiny), 1, tmp_path / "none", resume=True)
+    (tmp_path / CHECKPOINT).write_bytes(b"not a checkpoint")
+    with pytest.raises(TrainingError, match="damaged"):
+        load_checkpoint(tmp_path / CHECKPOINT)
+    if not torch.cuda.is_available():
+        with pytest.raises(TrainingError, match="no CUDA GPU"):
+            run("state", str(tiny), 1, tmp_path / "gpu", device="cuda")
+
+
+def test_curve_drops_what_came_after_the_checkpoint(tmp_path):
+    path = tmp_path / "c.csv"
+    curve = Curve(path, None)
+    for k in range(5):
+        curve.add({"samples": 100 * k, "success": 0.1 * k})
+    again = Curve(path, 200)
+    again.add({"samples": 300, "success": 0.9})
+    lines = path.read_text().splitlines()
+    assert lines[0] == "samples,success" and lines[-1] == "300,0.9" and len(lines) == 5
+
+
+@pytest.mark.slow
+def test_two_processes_by_torchrun(tiny, tmp_path):
+    """Two gloo processes learn one set of weights."""
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--master-port=29617"]
+    command += ["-m", "policies.train", "--recipe", str(tiny), "--seed", "5", "--out", str(tmp_path / "two")]
+    root = Path(__file__).parents[3]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=280, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    states = [load_checkpoint(tmp_path / "two" / f"checkpoint-{k}.pt")["learner"] for k in range(2)]
+    for name in states[0]["actor"]:
+        assert torch.equal(states[0]["actor"][name], states[1]["actor"][name])
+    assert not torch.equal(torch.from_numpy(states[0]["env"]["vehicle"]), torch.from_numpy(states[1]["env"]["vehicle"]))

@@ -1,0 +1,123 @@
+"""The rigid body and its motors: known motions, conservation, convergence, saturation."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle import airframe as af
+from vehicle import dynamics as d
+from vehicle import rotations as rot
+
+PAPER = af.load_airframe("paper_quad").params_row()
+DT = 0.002
+torque = st.floats(-1.0, 1.0)
+
+
+def free_of_air(params=PAPER):
+    row = params.copy()
+    row[af.DRAG : af.DRAG + 3] = 0.0
+    row[af.ANGULAR_DAMPING] = 0.0
+    return row
+
+
+def run(row, motors, params, seconds, dt=DT):
+    for _ in range(round(seconds / dt)):
+        d.vehicle_step(row, *motors, params, dt)
+    return row
+
+
+def test_without_thrust_it_falls_at_g():
+    row = run(d.vehicle_row((0.0, 0.0, 10.0)), (0.0,) * 4, free_of_air(), 1.0)
+    assert row[d.P : d.P + 3] == pytest.approx([0.0, 0.0, 10.0 - 0.5 * af.GRAVITY], abs=1e-9)
+    assert row[d.F : d.F + 3] == pytest.approx([0.0, 0.0, 0.0])
+
+
+def test_hover_command_hovers():
+    hover = PAPER[af.HOVER_THRUST]
+    row = run(d.vehicle_row((1.0, 2.0, 3.0), motor=hover), (hover,) * 4, PAPER, 2.0)
+    assert row[d.P : d.V + 3] == pytest.approx([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], abs=1e-9)
+    assert row[d.F + 2] == pytest.approx(af.GRAVITY)
+
+
+def test_motors_lag_first_order():
+    row = d.vehicle_row()
+    run(row, (1.0,) * 4, PAPER, PAPER[af.MOTOR_LAG], dt=PAPER[af.MOTOR_LAG] / 10)
+    assert row[d.MOTOR : d.MOTOR + 4] == pytest.approx([1 - math.exp(-1)] * 4)
+
+
+def test_drag_brings_it_to_the_speed_of_the_wind():
+    row = d.vehicle_row(motor=PAPER[af.HOVER_THRUST])
+    row[d.WIND : d.WIND + 3] = (3.0, -2.0, 0.0)
+    run(row, (PAPER[af.HOVER_THRUST],) * 4, PAPER, 60.0)
+    assert row[d.V : d.V + 3] == pytest.approx([3.0, -2.0, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("motors", "axis", "sign"),
+    [((0.4, 0.5, 0.5, 0.4), 0, 1), ((0.4, 0.5, 0.4, 0.5), 1, 1), ((0.4, 0.4, 0.5, 0.5), 2, 1)],
+)
+def test_motors_turn_it_the_way_px4_numbers_them(motors, axis, sign):
+    row = run(d.vehicle_row(motor=0.45), motors, PAPER, 0.1)
+    rates = row[d.W : d.W + 3]
+    assert sign * rates[axis] > 0.05
+    assert np.delete(rates, axis) == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
+def test_angular_momentum_is_kept_in_free_rotation():
+    params = free_of_air()
+    row = d.vehicle_row()
+    row[d.W : d.W + 3] = (3.0, -2.0, 4.0)
+    inertia = params[af.INERTIA : af.INERTIA + 3]
+
+    def momentum():
+        return np.array(rot.rotate(row[d.Q : d.Q + 4], *(inertia * row[d.W : d.W + 3])))
+
+    before = momentum()
+    run(row, (0.0,) * 4, params, 1.0)
+    assert momentum() == pytest.approx(before, rel=0.02)
+    assert np.linalg.norm(row[d.Q : d.Q + 4]) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_halving_the_step_changes_little():
+    ends = []
+    for dt in (0.004, 0.002, 0.001):
+        row = d.vehicle_row(motor=0.45)
+        row[d.W : d.W + 3] = (1.0, 0.5, -0.5)
+        ends.append(run(row, (0.50, 0.52, 0.51, 0.49), PAPER, 0.5, dt)[d.P : d.Q + 4].copy())
+    coarse, fine = abs(ends[0] - ends[1]).max(), abs(ends[1] - ends[2]).max()
+    assert fine < 2e-3 and fine < 0.7 * coarse
+
+
+@given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-0.1, 0.1), st.floats(0.4, 0.6))
+def test_an_unsaturated_mix_gives_what_was_asked(roll, pitch, yaw, thrust):
+    u = np.array(d.mix(roll, pitch, yaw, thrust, PAPER))
+    a, b = PAPER[af.MIXER_ROLL_PITCH], PAPER[af.MIXER_YAW]
+    assert u.mean() == pytest.approx(thrust)
+    assert (-u[0] + u[1] + u[2] - u[3]) / (4 * a) == pytest.approx(roll, abs=1e-12)
+    assert (-u[0] + u[1] - u[2] + u[3]) / (4 * a) == pytest.approx(pitch, abs=1e-12)
+    assert (-u[0] - u[1] + u[2] + u[3]) / (4 * b) == pytest.approx(yaw, abs=1e-12)
+
+
+@given(torque, torque, torque, st.floats(0.0, 1.0))
+def test_a_saturated_mix_stays_in_range_and_never_adds_thrust(roll, pitch, yaw, thrust):
+    u = np.array(d.mix(roll, pitch, yaw, thrust, PAPER))
+    assert u.min() >= 0.0 and u.max() <= 1.0
+    # Motors that the last clip raises from below zero may add a little, as they do in PX4.
+    assert u.mean() <= thrust + 0.08
+
+
+def test_thrust_yields_to_roll_and_yaw_yields_to_roll():
+    full = np.array(d.mix(0.3, 0.0, 0.0, 1.0, PAPER))
+    a = PAPER[af.MIXER_ROLL_PITCH]
+    assert (-full[0] + full[1] + full[2] - full[3]) / (4 * a) == pytest.approx(0.3)
+    assert full.mean() < 0.85
+    both = np.array(d.mix(0.3, 0.0, 1.0, 0.3, PAPER))
+    assert (-both[0] + both[1] + both[2] - both[3]) / (4 * a) == pytest.approx(0.3)
+    assert 0.0 < (-both[0] - both[1] + both[2] + both[3]) / 4 < 0.5
+
+
+def test_without_thrust_there_is_no_torque():
+    assert d.mix(0.5, -0.5, 0.5, 0.0, PAPER) == pytest.approx((0.0,) * 4, abs=1e-12)
