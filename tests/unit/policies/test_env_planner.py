@@ -1,0 +1,72 @@
+"""The planner in the training environment: what it answers is what the flying planner answers."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
+from policies.env import Env
+from policies.env_config import TICK, EnvConfig
+from policies.env_planner import PlannerInEnv
+from policies.env_rows import S_STEP, X_P, X_Q, X_V
+from policies.observation import action_from_command
+from policies.planner_policy import PlannerPolicy
+from policies.predictor_policy import LearnedPlannerPolicy
+from policies.thrust_gain import GAIN_DIM, gain_reset
+from vehicle.airframe import GRAVITY
+
+NS = 1e9
+
+
+def views(env):
+    """What a flight would tell its policy about row 0 now."""
+    rows = env.rows
+    now = rows.state[0, S_STEP] * TICK
+    x, p, own = np.zeros(8), np.zeros(64), rows.scratch[0]
+    belief_covariance(rows.belief[0], now, env.shared.belief, x, p)
+    now_ns = round(now * NS)
+    vehicle = SimpleNamespace(
+        stamp_ns=now_ns, position=tuple(own[X_P : X_P + 3]), velocity=tuple(own[X_V : X_V + 3]),
+        orientation=tuple(own[X_Q : X_Q + 4]),
+    )  # fmt: skip
+    board = SimpleNamespace(
+        valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]), heading=x[3],
+        speed=x[4], turn_rate=x[5], inclination=x[6], acceleration=x[7], variance=tuple(p[::9]),
+        last_exposure_ns=round(rows.belief[0, B_T] * NS), streak=int(rows.belief[0, B_STREAK]),
+    )  # fmt: skip
+    return now_ns, vehicle, board
+
+
+@pytest.mark.parametrize(("learned", "flying"), [(True, LearnedPlannerPolicy), (False, PlannerPolicy)])
+def test_one_episode_gets_the_flight_s_commands(learned, flying):
+    env = Env(EnvConfig(stage="vision", count=1, seed=3, inclination_deg=(20.0, 40.0), speed=(1.0, 1.5)))
+    env.reset()
+    gain_reset(env.rows.gain[0], GRAVITY)  # a flight's planner begins without having hovered
+    assert env.rows.gain.shape == (1, GAIN_DIM)
+    planner, pilot, wanted = PlannerInEnv(learned), flying(env.airframe), np.zeros(4)
+    pilot.reset(0)
+    flown = 0
+    while flown < 150:
+        command = pilot.step(*views(env))
+        action_from_command(np.array([*command.body_rate, command.thrust]), wanted)
+        action = planner(env)
+        assert action[0] == pytest.approx(wanted, abs=1e-5)
+        env.step(action)
+        flown += 1
+        if env.rows.done[0]:
+            break
+    assert flown > 60
+
+
+def test_an_episode_s_end_and_a_new_environment_start_it_anew():
+    config = EnvConfig(stage="vision", count=4, seed=5, limit=40)
+    planner, first, second = PlannerInEnv(), Env(config), Env(config)
+    ran = []
+    for env in (first, second):
+        env.reset()
+        ran.append([planner(env).copy()])
+        for _ in range(60):
+            env.step(planner(env))
+            ran[-1].append(planner(env).copy())
+    assert np.array_equal(ran[0], ran[1])
