@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -23,6 +25,7 @@ from hil.rig import Rig, load_rig
 from hil.runs import RunError
 from hil.score import Score
 from hil.supervisor import SupervisorError
+from hil.view import ViewerError, free_port
 from kernel import cache_is_cold
 from policies.contract import ContractError
 from policies.fly import FlyingPolicy, policy_factory
@@ -30,6 +33,10 @@ from scenarios.draw import MAX_SEED
 from scenarios.spec import Scenario, load
 from scenarios.toml_errors import ConfigError
 from vehicle.airframe import load_airframe
+
+if TYPE_CHECKING:
+    from hil.view_live import RunViewer
+    from hil.view_tap import Feed
 
 PERCHED, NOT_PERCHED, USAGE, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -65,6 +72,7 @@ class Request:
     live: bool = False
     remote: tuple[str, ...] = ()
     endpoint: str | None = None
+    view: bool = False
 
 
 def fly_seeds(request: Request, seeds: Sequence[int]) -> int:
@@ -88,12 +96,16 @@ def fly_seeds(request: Request, seeds: Sequence[int]) -> int:
             request.rig, plan.rig, plan.policy_name, plan.scenario,
             folder=request.checks, now=datetime.now(UTC), override=request.override,
         )  # fmt: skip
-        for seed in seeds:
-            flight, summary = _fly_one(request, plan, seed, code, clearance, notes)
-            flights.append(flight)
-            _print(request, plan, flight, summary, notes, several=len(seeds) > 1)
-            if flight.interrupted:
-                break
+        with _viewer(request, notes) as viewer:
+            for seed in seeds:
+                flight, summary = _fly_one(request, plan, seed, code, clearance, notes, viewer)
+                flights.append(flight)
+                _print(request, plan, flight, summary, notes, several=len(seeds) > 1)
+                if flight.interrupted:
+                    break
+    except ViewerError as error:
+        print(f"perch-hil: {error}", file=sys.stderr)
+        return error.code
     except (RunError, RecordingError, NotClearedError, SupervisorError, provenance.ProvenanceError) as error:
         print(f"perch-hil: {error}", file=sys.stderr)
         return COULD_NOT_RUN
@@ -110,8 +122,33 @@ def _exit_code(flights: Sequence[Flight]) -> int:
     return PERCHED if all(flight.score.within_tolerance for flight in flights) else NOT_PERCHED
 
 
+def _viewer(request: Request, notes: Console) -> AbstractContextManager[RunViewer | None]:
+    if not request.view:
+        return nullcontext()
+    from hil.view_live import RunViewer
+
+    return RunViewer(lambda text: notes.print(text, soft_wrap=True, highlight=False))
+
+
+def _feed(plan: Plan, seed: int, viewer: RunViewer | None, endpoint: str = "") -> AbstractContextManager[Feed | None]:
+    if viewer is None:
+        return nullcontext()
+    mount = load_airframe(plan.rig.vehicle.airframe).camera
+    return viewer.feed(
+        f"{plan.scenario.name} seed {seed}", board_size=plan.scenario.board.size,
+        tolerance=plan.scenario.tolerance.distance, camera_offset=mount.offset,
+        camera_tilt=math.radians(mount.tilt_deg), endpoint=endpoint,
+    )  # fmt: skip
+
+
 def _fly_one(
-    request: Request, plan: Plan, seed: int, code: provenance.Code, clearance: Clearance, notes: Console
+    request: Request,
+    plan: Plan,
+    seed: int,
+    code: provenance.Code,
+    clearance: Clearance,
+    notes: Console,
+    viewer: RunViewer | None,
 ) -> tuple[Flight, dict[str, Any] | None]:
     """The flight, and how it kept time if it was live."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
@@ -122,19 +159,26 @@ def _fly_one(
             bar.update(task, description=f"{plan.scenario.name} seed {seed}: {stage}, {now_ns * 1e-9:.1f} s")
 
         if not request.live:
-            flight = fly(
-                plan.scenario, plan.rig, plan.make_policy(), seed,
-                policy_name=plan.policy_name, rig_name=Path(request.rig).stem, pictures=request.pictures,
-                out=request.out, code=code, clearance=clearance.manifest(), progress=progress,
-            )  # fmt: skip
+            with _feed(plan, seed, viewer) as feed:
+                flight = fly(
+                    plan.scenario, plan.rig, plan.make_policy(), seed,
+                    policy_name=plan.policy_name, rig_name=Path(request.rig).stem, pictures=request.pictures,
+                    out=request.out, code=code, clearance=clearance.manifest(), progress=progress, viewer=feed,
+                )  # fmt: skip
+            if feed is not None and feed.dropped:
+                notes.print(f"the viewer was too slow for {feed.dropped} messages; the recording has them all")
             return flight, None
         from hil.host.live_run import fly_live  # Zenoh: only where it is needed
 
         names = {field: getattr(request, field) for field in ("scenario", "rig", "policy", "camera")}
-        live = fly_live(
-            plan, names, seed, pictures=request.pictures, out=request.out, code=code, clearance=clearance.manifest(),
-            progress=progress, remote=request.remote, endpoint=request.endpoint,
-        )  # fmt: skip
+        endpoint = request.endpoint
+        if viewer is not None and endpoint is None:
+            endpoint = f"tcp/127.0.0.1:{free_port()}"  # the feed must know it before the hub is there
+        with _feed(plan, seed, viewer, endpoint or ""):
+            live = fly_live(
+                plan, names, seed, pictures=request.pictures, out=request.out, code=code,
+                clearance=clearance.manifest(), progress=progress, remote=request.remote, endpoint=endpoint,
+            )  # fmt: skip
         return live.flight, live.summary
 
 

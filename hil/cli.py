@@ -70,6 +70,7 @@ def run(
     ] = None,
     endpoint: Annotated[str | None, typer.Option(help="live: the hub's endpoint [default: a free local port]")] = None,
     checks: Annotated[Path, typer.Option(help="where signed checklist records lie")] = Path("checks"),
+    view: Annotated[bool, typer.Option("--view", help="watch it in Rerun while it flies")] = False,
     override: Annotated[
         str | None, typer.Option("--override-check", help="reason to arm a real vehicle without a signed go")
     ] = None,
@@ -98,6 +99,7 @@ def run(
         live=live,
         remote=tuple(remote or ()),
         endpoint=endpoint,
+        view=view,
     )
     code = fly_seeds(request, wanted)
     raise typer.Exit(code)

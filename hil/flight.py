@@ -12,7 +12,7 @@ from typing import Any
 
 from hil.foxglove_view import FoxgloveView
 from hil.graph import check_graph
-from hil.host.lockstep import Clock, Lockstep
+from hil.host.lockstep import Clock, Lockstep, Tap
 from hil.messages import Event, Stage
 from hil.provenance import Code
 from hil.receipts import ReceiptBook, Receipted
@@ -85,8 +85,11 @@ def fly(
     code: Code,
     progress: Progress,
     clearance: Mapping[str, Any] | None = None,
+    viewer: Tap | None = None,
 ) -> Flight:
     """Fly one seed. An interruption (Ctrl-C) closes the recording and is reported in the result, not raised.
+
+    `viewer` sees every message too.
 
     Raises RunError, ProvenanceError or RecordingError if the run cannot be kept: such a run does not take off.
     """
@@ -117,6 +120,8 @@ def fly(
                 recorder(now, topic, message)
                 scorer(now, topic, message)
                 watch(now, topic, message)
+                if viewer is not None:
+                    viewer(now, topic, message)
 
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
             try:

@@ -5,10 +5,13 @@ Rerun is an optional extra and is imported only when asked for; it never runs in
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import IO
@@ -66,7 +69,7 @@ def open_viewer(run: Path | str) -> None:
             try:
                 window.wait()
             except KeyboardInterrupt:
-                window.terminate()
+                stop_viewer(window)
                 return
         # its exit code is 0 also when no window could be opened
         errors = [line for line in log.read_text(errors="replace").splitlines() if line.startswith("Error")]
@@ -76,18 +79,38 @@ def open_viewer(run: Path | str) -> None:
         )
 
 
-def spawn_viewer(port: int, *files: Path, log: IO[bytes] | None = None) -> subprocess.Popen[bytes]:
-    """Start Rerun's window in a process of its own, listening on loopback only. Raises OSError if it cannot start.
+def spawn_viewer(
+    port: int, *files: Path, log: IO[bytes] | None = None, web_port: int | None = None
+) -> subprocess.Popen[bytes]:
+    """Start Rerun in a process of its own, listening on loopback only. Raises OSError if it cannot start.
 
-    `address(port)` is what a process that logs connects to; `files` are opened at once; `log` takes what it says.
+    A window; with `web_port` a page for a browser instead. `address(port)` is what a process that logs connects to;
+    `files` are opened at once; `log` takes what it says. Ctrl-C in the terminal does not reach it.
     """
     command = [sys.executable, "-m", "rerun_cli", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
-    return subprocess.Popen([*command, *map(str, files)], stdout=subprocess.DEVNULL, stderr=log or subprocess.DEVNULL)
+    if web_port is not None:
+        command += ["--serve-web", "--web-viewer-port", str(web_port)]
+    return subprocess.Popen(
+        [*command, *map(str, files)], stdout=subprocess.DEVNULL, stderr=log or subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
+
+
+def stop_viewer(process: subprocess.Popen[bytes]) -> None:
+    """End a viewer: its whole session, for the SDK's launcher does not take the viewer itself along."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGTERM)
+    process.wait()
 
 
 def address(port: int) -> str:
     """Where the window of `spawn_viewer` listens."""
     return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def has_display() -> bool:
+    """Whether a window can be asked for here."""
+    return not sys.platform.startswith("linux") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
 
 
 def free_port() -> int:

@@ -10,24 +10,23 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from google.protobuf.message import DecodeError, Message
+from rerun import blueprint as rrb
 
 from hil.foxglove_view import belief_orientation, optical_from_tilt
+from hil.report import view_scene as scene
 from hil.report.charts import BOARD, SEEN, VEHICLE, TimePlot, thin
 from hil.report.geometry import Motion
 from hil.report.recorded import Recorded
 from hil.report.sections import commands, estimate, motion, perception, touchdown
-from vehicle.board import Board
+from hil.report.view_scene import BELIEF_AT, BOARD_AT, BODY, CAMERA, EVENTS, PLOTS, WORLD, rgb, xyzw
 from vehicle.camera import Camera
 
 TIMELINE = "attempt"
 _BEFORE_NS = 500_000_000
-WORLD, BODY, BOARD_AT, BELIEF_AT = "world", "world/vehicle", "world/board", "world/belief"
-CAMERA, PLOTS, EVENTS = "world/vehicle/camera", "plots", "events"
 
 # The report's plots that are worth a row in the viewer, by their keys: three tabs of them.
 _TABS = {
@@ -40,32 +39,20 @@ _TABS = {
 def blueprint(recorded: Recorded) -> rrb.Blueprint:
     """The lay-out made for perching: scene beside picture and log, series under them."""
     titles = {plot.key: f"{plot.title} ({plot.unit})" for plot in _plots(recorded)}
-    tabs = []
-    for name, keys in _TABS.items():
-        views = [rrb.TimeSeriesView(origin=f"{PLOTS}/{key}", name=titles[key]) for key in keys if key in titles]
-        if views:
-            tabs.append(rrb.Grid(*views, grid_columns=2, name=name))
-    scene = rrb.Spatial3DView(origin=WORLD, contents=[f"{WORLD}/**"], name="scene (world, ENU)")
-    picture = rrb.Spatial2DView(origin=CAMERA, contents=[f"{CAMERA}/**"], name="camera")
-    side = rrb.Vertical(picture, rrb.TextLogView(origin=EVENTS, name="events"), row_shares=[3, 1])
-    parts = [rrb.Horizontal(scene, side, column_shares=[3, 2]), *([rrb.Tabs(*tabs)] if tabs else [])]
-    return rrb.Blueprint(
-        rrb.Vertical(*parts, row_shares=[3, 2][: len(parts)]),
-        rrb.TimePanel(timeline=TIMELINE, expanded=False),
-        collapse_panels=True,
+    return scene.layout(
+        TIMELINE, {name: [(key, titles[key]) for key in keys if key in titles] for name, keys in _TABS.items()}
     )
 
 
 def log_run(stream: rr.RecordingStream, recorded: Recorded) -> None:
     """Log everything the recording holds to `stream`; what is missing is left out."""
-    stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    scene.draw_world(stream)
     if recorded.vehicle:
         _body(stream, recorded, BODY, recorded.vehicle, VEHICLE)
-        arms = [[(0.09, 0.09, 0.0), (-0.09, -0.09, 0.0)], [(0.09, -0.09, 0.0), (-0.09, 0.09, 0.0)]]
-        stream.log(f"{BODY}/arms", rr.LineStrips3D(arms, colors=_rgb(VEHICLE), radii=0.008), static=True)
+        scene.draw_arms(stream)
     if recorded.board:
         _body(stream, recorded, BOARD_AT, recorded.board, BOARD)
-        _board(stream, recorded)
+        scene.draw_board(stream, recorded.board_size, recorded.tolerance.distance)
     _belief(stream, recorded)
     _detections(stream, recorded)
     _camera(stream, recorded)
@@ -84,40 +71,16 @@ def _time(recorded: Recorded, t_ns: np.ndarray) -> list[rr.TimeColumn]:
     return [rr.TimeColumn(TIMELINE, duration=(t_ns - origin).astype("timedelta64[ns]"))]
 
 
-def _rgb(colour: str) -> list[int]:
-    return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
-
-
-def _xyzw(orientation: np.ndarray) -> np.ndarray:
-    return orientation[:, [1, 2, 3, 0]]
-
-
 def _body(stream: rr.RecordingStream, recorded: Recorded, path: str, motion: Motion, colour: str) -> None:
     """A moving frame, and its path during the attempt as a line."""
     keep = thin(recorded, motion.t)
     keep = keep[_shown(recorded, motion.t[keep])]
-    poses = rr.Transform3D.columns(translation=motion.position[keep], quaternion=_xyzw(motion.orientation[keep]))
+    poses = rr.Transform3D.columns(translation=motion.position[keep], quaternion=xyzw(motion.orientation[keep]))
     stream.send_columns(path, indexes=_time(recorded, motion.t[keep]), columns=poses)
     start, end = recorded.window_ns
     line = motion.position[keep][(motion.t[keep] >= start) & (motion.t[keep] <= end)]
     if len(line) > 1:
-        stream.log(
-            f"{path.replace(WORLD, f'{WORLD}/paths')}", rr.LineStrips3D([line], colors=_rgb(colour)), static=True
-        )
-
-
-def _board(stream: rr.RecordingStream, recorded: Recorded) -> None:
-    board, side = Board(size=recorded.board_size), recorded.board_size
-    plate = rr.Boxes3D(
-        sizes=[[side, side, 0.01]], centers=[[0.0, 0.0, -0.005]], colors=[[235, 225, 210]], fill_mode="solid"
-    )
-    stream.log(f"{BOARD_AT}/plate", plate, static=True)
-    corners = [np.vstack([c, c[:1]]) for c in board.corners_by_id.values()]
-    strips = [np.column_stack([c[:, :2], np.full(len(c), 0.002)]) for c in corners]
-    stream.log(f"{BOARD_AT}/tags", rr.LineStrips3D(strips, colors=[20, 20, 20], radii=0.002), static=True)
-    angle = np.linspace(0.0, 2 * np.pi, 61)
-    circle = recorded.tolerance.distance * np.column_stack([np.cos(angle), np.sin(angle), np.full(61, 0.01)])
-    stream.log(f"{BOARD_AT}/tolerance", rr.LineStrips3D([circle], colors=_rgb(SEEN), radii=0.003), static=True)
+        stream.log(f"{path.replace(WORLD, f'{WORLD}/paths')}", rr.LineStrips3D([line], colors=rgb(colour)), static=True)
 
 
 def _belief(stream: rr.RecordingStream, recorded: Recorded) -> None:
@@ -127,12 +90,10 @@ def _belief(stream: rr.RecordingStream, recorded: Recorded) -> None:
         return
     t = np.array([m.stamp_ns for m in valid])
     orientation = np.array([belief_orientation(m.heading, m.inclination) for m in valid])
-    poses = rr.Transform3D.columns(translation=np.array([m.position for m in valid]), quaternion=_xyzw(orientation))
+    poses = rr.Transform3D.columns(translation=np.array([m.position for m in valid]), quaternion=xyzw(orientation))
     stream.send_columns(BELIEF_AT, indexes=_time(recorded, t), columns=poses)
-    side = recorded.board_size
-    outline = rr.Boxes3D(sizes=[[side, side, 0.004]], colors=[[123, 63, 160]], labels=["believed"])
-    stream.set_time(TIMELINE, duration=float(recorded.seconds(valid[0].stamp_ns)))  # not before anything is believed
-    stream.log(f"{BELIEF_AT}/outline", outline)
+    stream.set_time(TIMELINE, duration=float(recorded.seconds(valid[0].stamp_ns)))
+    scene.draw_believed(stream, recorded.board_size)
     stream.reset_time()
 
 
@@ -142,7 +103,7 @@ def _detections(stream: rr.RecordingStream, recorded: Recorded) -> None:
     if found:
         t = np.array([m.stamp_ns for m in found])
         points = rr.Points3D.columns(positions=np.array([m.position for m in found]))
-        stream.log(f"{WORLD}/detection", rr.Points3D.from_fields(colors=_rgb(SEEN), radii=0.02), static=True)
+        stream.log(f"{WORLD}/detection", rr.Points3D.from_fields(colors=rgb(SEEN), radii=0.02), static=True)
         stream.send_columns(f"{WORLD}/detection", indexes=_time(recorded, t), columns=points)
 
 
@@ -155,13 +116,10 @@ def _camera(stream: rr.RecordingStream, recorded: Recorded) -> None:
     ):
         p, r = transform.translation, transform.rotation
         mount, q = (p.x, p.y, p.z), (r.w, r.x, r.y, r.z)
-    rotation = rr.Quaternion(xyzw=[q[1], q[2], q[3], q[0]])
-    stream.log(CAMERA, rr.Transform3D(translation=mount, quaternion=rotation), static=True)
     matrix, width, height = camera.matrix, camera.width, camera.height
     for k in _first(recorded, "/camera/calibration", CameraCalibration, lambda m: [m]):
         matrix, width, height = np.array(k.K).reshape(3, 3), k.width, k.height
-    lens = rr.Pinhole(image_from_camera=matrix, resolution=[width, height], image_plane_distance=0.5)
-    stream.log(CAMERA, lens, static=True)
+    scene.draw_lens(stream, mount, q, matrix, (width, height))
     stamps, blobs = [], []
     for raw in recorded.recording.raw(["/camera/image"]) if "/camera/image" in recorded.recording.topics else ():
         view = _parsed(CompressedImage, raw.data)
@@ -182,12 +140,8 @@ def _corners(stream: rr.RecordingStream, recorded: Recorded, scale: float, pictu
     for m in detections.messages:
         if not _shown(recorded, m.stamp_ns) or (pictures and m.stamp_ns not in pictures):
             continue
-        quads = np.asarray(m.corners_px, dtype=np.float64).reshape(-1, 4, 2)
         stream.set_time(TIMELINE, duration=float(recorded.seconds(m.stamp_ns)))
-        strips = [(np.vstack([quad, quad[:1]]) + 0.5) * scale for quad in quads]
-        names = [f"tag {i}" for i in m.tag_ids][: len(strips)]
-        lines = rr.LineStrips2D(strips, colors=_rgb(SEEN), labels=names or None, show_labels=False)
-        stream.log(f"{CAMERA}/tags", lines if strips else rr.Clear(recursive=False))
+        scene.draw_corners(stream, m.tag_ids, m.corners_px, scale)
     stream.reset_time()
 
 
@@ -206,7 +160,7 @@ def _series(stream: rr.RecordingStream, recorded: Recorded, plot: TimePlot) -> N
         keep = keep[np.isfinite(series.y[keep])] if series.style == "dots" else keep
         if not len(keep):
             continue
-        path, colour = f"{PLOTS}/{plot.key}/{i}", _rgb(series.colour)
+        path, colour = f"{PLOTS}/{plot.key}/{i}", rgb(series.colour)
         name = series.name or plot.series[i - 1].name
         style = rr.SeriesPoints if series.style == "dots" else rr.SeriesLines
         stream.log(path, style(colors=colour, names=name), static=True)
@@ -217,12 +171,11 @@ def _series(stream: rr.RecordingStream, recorded: Recorded, plot: TimePlot) -> N
 def _events(stream: rr.RecordingStream, recorded: Recorded) -> None:
     from hil.report.sections.events import marks
 
-    levels = {"error": "ERROR", "trip": "ERROR", "warning": "WARN"}
     for mark in marks(recorded):
         if not _shown(recorded, mark.t_ns):
             continue
         stream.set_time(TIMELINE, duration=float(recorded.seconds(mark.t_ns)))
-        stream.log(EVENTS, rr.TextLog(mark.text, level=levels.get(mark.severity, "INFO")))
+        stream.log(EVENTS, rr.TextLog(mark.text, level=scene.LEVELS.get(mark.severity, "INFO")))
     stream.reset_time()
 
 
