@@ -24,7 +24,13 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "car_link": ("car/feedback",),
     "camera": ("camera/image", "board/detection"),
     "detector": ("board/detection",),
-    "vehicle_link": ("vehicle/odometry", "vehicle/status", "vehicle/sent", "truth/vehicle"),
+    "vehicle_link": (
+        "vehicle/odometry",
+        "vehicle/status",
+        "vehicle/sent",
+        "vehicle/parameters",
+        "truth/vehicle",
+    ),
     "belief": ("belief",),
     "policy": ("policy/action",),
 }

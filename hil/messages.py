@@ -39,6 +39,15 @@ class VehicleStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class VehicleParameters:
+    """The autopilot's parameters that matter here, as it holds them once the driver has set its own."""
+
+    stamp_ns: int
+    names: tuple[str, ...]
+    values: tuple[float, ...]  # in PX4's units, one a name
+
+
+@dataclass(frozen=True, slots=True)
 class BoardState:
     """Pose and motion of the board's centre: truth or motion capture, by topic."""
 

@@ -35,6 +35,7 @@ TOPICS: dict[str, Topic] = {
     "car/feedback": Topic(m.CarFeedback, 50, 100, True, ()),
     "vehicle/odometry": Topic(m.VehicleState, 100, 50, True, ("detector", "belief", "policy")),
     "vehicle/status": Topic(m.VehicleStatus, 10, 500, True, EVERYONE),
+    "vehicle/parameters": Topic(m.VehicleParameters, 0, 0, True, ()),
     "camera/image": Topic(m.Image, 60, 100, True, ("detector",)),
     "board/detection": Topic(m.Detection, 60, 0, True, ("belief",)),
     "belief": Topic(m.Belief, 100, 50, True, ("policy", "detector")),

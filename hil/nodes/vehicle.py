@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.gate import Gate
-from hil.messages import Action, BoardState, Contact, Event, Sent, VehicleState, VehicleStatus
+from hil.messages import Action, BoardState, Contact, Event, Sent, VehicleParameters, VehicleState, VehicleStatus
 from hil.node import Inbox, Out
 from vehicle.px4_link import Px4Link
 from vehicle.px4_link_core import BEFORE_FLIGHT
@@ -20,7 +20,7 @@ class VehicleLink:
 
     name = "vehicle_link"
     inputs = ("policy/action", "referee/contact")
-    outputs = ("vehicle/odometry", "vehicle/status", "vehicle/sent", "event")
+    outputs = ("vehicle/odometry", "vehicle/status", "vehicle/sent", "vehicle/parameters", "event")
     wakes = ("policy/action",)
     period_ns = 2_000_000
 
@@ -32,6 +32,7 @@ class VehicleLink:
         self._odometry: VehicleState | None = None
         self._status_ns = -STATUS_PERIOD_NS
         self._phase = ""
+        self._told: dict[str, float] = {}
         self._aborted = False
 
     def abort(self, why: str) -> None:
@@ -64,10 +65,21 @@ class VehicleLink:
                 outs.append(Out("truth/vehicle", self._odometry))
         if sent is not None and (said.sent_thrust is not None or tripped):
             outs.append(Out("vehicle/sent", _with_thrust(sent, said)))
+        outs += self._parameters(now_ns, said.phase)
         if said.phase != self._phase or now_ns - self._status_ns >= STATUS_PERIOD_NS:
             self._status_ns, self._phase = now_ns, said.phase
             outs.append(Out("vehicle/status", _status(now_ns, said)))
         return outs
+
+    def _parameters(self, now_ns: int, phase: str) -> list[Out]:
+        """What the autopilot holds, once it has been read and set."""
+        if phase == self._phase or phase in ("connect", "parameters"):
+            return []
+        held = self._link.parameters
+        if not held or held == self._told:
+            return []
+        self._told = held
+        return [Out("vehicle/parameters", VehicleParameters(now_ns, tuple(held), tuple(held.values())))]
 
     def _checked(self, now_ns: int, action: Action | None) -> tuple[Rates | None, Sent | None, str]:
         """(what to send, its record, why the gate tripped just now)."""

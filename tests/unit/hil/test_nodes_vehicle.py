@@ -20,6 +20,7 @@ class FakeLink:
         self.commands, self.calls = [], []
         self.said = LinkOutput("handed_over", True, True, False, False, "OFFBOARD", 15.2, 0.49)
         self.garbage = 3
+        self.parameters = {}
 
     def step(self, now_ns, command=None):
         self.commands.append(command)
@@ -46,6 +47,16 @@ class Rig:
         self.link.said.odometry = [sample] if odometry else []
         outs = self.node.step(now_ns, filled(self.node, *heard))
         return {topic: [out.message for out in outs if out.topic == topic] for topic in self.node.outputs}
+
+
+def test_parameters_are_told_once_they_are_read():
+    rig = Rig()
+    told = []
+    for phase in ("connect", "parameters", "streams", "streams", "ready", "arm"):
+        rig.link.said.phase = phase
+        rig.link.parameters = {"COM_OF_LOSS_T": 0.3} if phase != "connect" else {}
+        told += [(phase, m.names, m.values) for m in rig.step(NOW)["vehicle/parameters"]]
+    assert told == [("streams", ("COM_OF_LOSS_T",), (0.3,))]
 
 
 def action(stamp=NOW, rate=(0.1, 0.2, 0.3), engaged=True):
