@@ -12,6 +12,56 @@ import typer
 USAGE, COULD_NOT_RUN = 2, 3
 
 
+def train(
+    stage: Annotated[
+        Literal["state", "vision"],
+        typer.Option(help="state: the policy is told where the board is; vision: it sees a camera's belief"),
+    ] = "state",
+    recipe: Annotated[
+        str | None, typer.Option(help="a name in policies/recipes or a .toml [default: imitate, watch for vision]")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, max=999_999_999)] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="folder of the run [default: training_runs/RECIPE-STAGE-SEED]")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on where the run in --out was stopped or killed")
+    ] = False,
+    parent: Annotated[Path | None, typer.Option(help="begin with the weights of this run (its folder)")] = None,
+    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N")] = "cpu",
+) -> None:
+    """Train a policy; leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder.
+
+    Ctrl-C saves and says how to go on; a kill loses at most a minute. In several processes, on GPUs or not:
+    `torchrun --nproc-per-node=2 -m hil train ...`.
+
+    Exit code: 0 trained, 2 usage or recipe, or a checkpoint, device or parent that does not fit, 3 stopped by numbers
+    that are not finite or a disk that is full, 130 interrupted.
+    """
+    try:
+        from hil.training import RECIPES, Request, train_policy
+    except ModuleNotFoundError as error:
+        raise _fail(f"training needs {error.name}: pip install -e '.[train]' in the project's folder", USAGE) from None
+    from policies.contract import ContractError
+    from policies.train_io import DivergedError, TrainingError
+    from policies.train_recipe import RecipeError
+
+    named = recipe or RECIPES[stage]
+    folder = out or Path("training_runs") / f"{Path(named).stem}-{stage}-{seed}"
+    request = Request(stage, named, seed, folder, resume, parent, device)
+    try:
+        code = train_policy(request)
+    except (DivergedError, ContractError) as error:
+        raise _fail(str(error), COULD_NOT_RUN) from None
+    except (RecipeError, TrainingError) as error:
+        raise _fail(str(error), USAGE) from None
+    except OSError as error:
+        raise _fail(f"{error.filename or folder}: {error.strerror}", COULD_NOT_RUN) from None
+    except KeyboardInterrupt:
+        raise _fail("stopped without saving; the last checkpoint is as it was", 130) from None
+    raise typer.Exit(code)
+
+
 def evaluate(
     policy: Annotated[str, typer.Argument(help="an .onnx file, planner, planner-analytic or expert (with foresight)")],
     episodes: Annotated[int, typer.Option(min=10, help="episodes at each point")] = 2000,
@@ -59,6 +109,7 @@ def evaluate(
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
+    app.command()(train)
     app.command()(evaluate)
 
 

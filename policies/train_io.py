@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,18 @@ import numpy as np
 import torch
 
 from policies.env import Env, Tally
+from policies.observation import LAYOUT_NAME, LAYOUT_VERSION
+from policies.reward import TERMS
+
+VERSION = (1, LAYOUT_NAME, LAYOUT_VERSION)  # of a checkpoint's own layout, and of what its network reads
 
 
 class TrainingError(RuntimeError):
-    """Training cannot go on; the message says which number went wrong."""
+    """Training cannot go on; the message says why in one line."""
+
+
+class DivergedError(TrainingError):
+    """A number is not finite; the message names it."""
 
 
 def env_state(env: Env) -> dict[str, np.ndarray]:
@@ -33,27 +42,56 @@ def load_env(env: Env, state: dict[str, np.ndarray]) -> None:
     env.tally = Tally()
 
 
-def save_checkpoint(path: Path, data: dict[str, Any]) -> None:
-    """Write so that a kill at any moment leaves either the old or the new file."""
+def save_checkpoint(path: Path, data: dict[str, Any], agree: Callable[[], object] = lambda: None) -> None:
+    """Write so that a kill at any moment leaves either the old or the new file.
+
+    `agree` returns once the other processes, if any, are ready to replace theirs as well.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     trial = path.with_suffix(".tmp")
     with trial.open("wb") as file:
-        torch.save(data, file)
+        torch.save({"version": VERSION, **data}, file)
         file.flush()
         os.fsync(file.fileno())
+    agree()
     trial.replace(path)
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Read a checkpoint of this project. Raises TrainingError in one line if it is missing or damaged."""
+    """Read a checkpoint of this project and version. Raises TrainingError in one line if it is anything else."""
     if not path.is_file():
         raise TrainingError(f"checkpoint {path} does not exist")
     try:
-        return torch.load(path, map_location="cpu", weights_only=False)
+        data = torch.load(path, map_location="cpu", weights_only=False)
     except Exception as error:  # torch raises pickle, zip and runtime errors alike
         raise TrainingError(
             f"checkpoint {path} is damaged ({type(error).__name__}); start again or use another"
         ) from None
+    if not isinstance(data, dict):
+        raise TrainingError(f"{path} is no checkpoint of a training run")
+    version = data.get("version", VERSION)  # what carries none was written before the first change
+    if version != VERSION:
+        has, here = (" ".join(map(str, numbers)) for numbers in (version, VERSION))
+        raise TrainingError(f"checkpoint {path} is of version {has}, this is {here}; train again from the start")
+    return data
+
+
+def bad_weights(learner: Any) -> list[str]:
+    """Names of a learner's weights that are NaN or infinite."""
+    networks = [k for k in ("actor", "critic") if hasattr(learner, k)]
+    states = [(k, name, value) for k in networks for name, value in getattr(learner, k).state_dict().items()]
+    return [f"{k}.{name}" for k, name, value in states if not bool(torch.isfinite(value).all())]
+
+
+def not_finite(learner: Any) -> str:
+    """What of a learner is NaN or infinite, by name: reward terms, environment rows, weights; '' for nothing."""
+    rows = learner.env.rows
+    terms = [name for name, column in zip(TERMS, rows.terms.T, strict=True) if not np.isfinite(column).all()]
+    # a motion's row holds infinity where a change never comes
+    numbers = {k: v for k, v in rows._asdict().items() if k not in ("terms", "reward", "motion", "rng", "done")}
+    arrays = [k for k, v in numbers.items() if not np.isfinite(v).all()]
+    parts = (("reward term", terms), ("environment", arrays), ("weights", bad_weights(learner)))
+    return "; ".join(f"{what} {', '.join(names[:4])}" for what, names in parts if names)
 
 
 class Curve:

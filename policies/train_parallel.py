@@ -17,16 +17,26 @@ def start(device: str) -> tuple[int, int, str]:
     Raises TrainingError if the device is not there.
     """
     world = int(os.environ.get("WORLD_SIZE", "1"))
-    if device.startswith("cuda") and not torch.cuda.is_available():
-        raise TrainingError(f"device '{device}' was asked for, but torch sees no CUDA GPU here; use --device cpu")
+    _check(device)
     if world == 1:
         return 0, 1, device
     if device == "cuda":
         device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}"
         torch.cuda.set_device(device)
     if not dist.is_initialized():
-        dist.init_process_group("nccl" if device.startswith("cuda") else "gloo")
+        dist.init_process_group("cpu:gloo,cuda:nccl" if device.startswith("cuda") else "gloo")
     return dist.get_rank(), world, device
+
+
+def _check(device: str) -> None:
+    kind, colon, index = device.partition(":")
+    if kind not in ("cpu", "cuda") or (colon and not (kind == "cuda" and index.isdecimal())):
+        raise TrainingError(f"there is no device '{device}'; give cpu, cuda or cuda:N")
+    if kind == "cuda":
+        count = torch.cuda.device_count() if torch.cuda.is_available() else 0
+        if int(index or 0) >= count:
+            seen = f"torch sees {count} CUDA GPU{'s' * (count > 1)} here" if count else "torch sees no CUDA GPU here"
+            raise TrainingError(f"device '{device}' was asked for, but {seen}; use --device cpu")
 
 
 def active() -> bool:

@@ -1,14 +1,35 @@
 """`perch-hil train` and `evaluate` as a user meets them."""
 
 import json
+import signal
 
 import pytest
 from typer.testing import CliRunner
 
 from hil.cli import app
 
+torch = pytest.importorskip("torch")
+
 runner = CliRunner()
 STATE = "policies/checkpoints/state.onnx"
+TINY = """
+title = "tiny"
+[env]
+count = 16
+future_stride = 10
+horizon = 160
+odometry_noise = 0.0
+[[phase]]
+kind = "dagger"
+settings = { samples = 512, horizon = 8, replay = 512, batch = 32, batches = 1, teacher_fade = 256 }
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    path = tmp_path / "tiny.toml"
+    path.write_text(TINY)
+    return str(path)
 
 
 def one_line(result, code=2):
@@ -57,3 +78,71 @@ def test_evaluate_as_json_and_map(tmp_path):
     assert len(found["motions"]) == 24 and found["motions"][0]["paper"] is None
     assert picture.read_text().startswith("<svg")
     assert len(picture.with_suffix(".csv").read_text().splitlines()) == 73
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--recipe", "immitate"], "did you mean 'imitate'"),
+        (["--device", "cuda:7"], "was asked for, but torch sees"),
+        (["--device", "gpu"], "no device 'gpu'"),
+        (["--parent", "nowhere"], "nowhere does not exist"),
+        (["--resume"], "does not exist"),
+    ],
+)
+def test_what_cannot_be_trained_is_one_line_and_leaves_nothing(tmp_path, tiny, arguments, says):
+    result = runner.invoke(app, ["train", "--recipe", tiny, "--out", str(tmp_path / "run"), *arguments])
+    assert result.exit_code == 2
+    said = [line for line in result.output.splitlines() if line.startswith("perch-hil: ")]
+    assert len(said) == 1 and says in said[0] and "Traceback" not in result.output
+    assert not list((tmp_path / "run").glob("*.pt"))
+
+
+def test_train_to_the_end_then_not_over_it(tmp_path, tiny):
+    asked = ["train", "--recipe", tiny, "--out", str(tmp_path / "run")]
+    result = runner.invoke(app, asked)
+    assert result.exit_code == 0, result.output
+    assert "perch-hil evaluate" in result.stdout
+    assert {"policy.onnx", "curve.csv", "curve.svg", "actor.pt"} <= {p.name for p in (tmp_path / "run").iterdir()}
+    assert "--resume" in one_line(runner.invoke(app, asked))
+
+
+def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path, tiny, monkeypatch):
+    from hil import training
+
+    plain = training._Display.__call__
+
+    def interrupted(self, numbers):
+        plain(self, numbers)
+        if numbers["samples"] == 256:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(training._Display, "__call__", interrupted)
+    out = tmp_path / "run"
+    before = signal.getsignal(signal.SIGINT)
+    result = runner.invoke(app, ["train", "--recipe", tiny, "--seed", "4", "--out", str(out)])
+    assert result.exit_code == 130
+    assert signal.getsignal(signal.SIGINT) is before
+    command = result.stdout.strip().splitlines()[-1].split()
+    assert command[:2] == ["perch-hil", "train"] and command[-1] == "--resume"
+    assert torch.load(out / "checkpoint.pt", weights_only=False)["total"] == 256
+    again = runner.invoke(app, command[1:])
+    assert again.exit_code == 0, again.output
+    assert (out / "curve.csv").read_text().splitlines()[-1].startswith("512,")
+
+
+def test_numbers_that_are_not_finite_end_with_3(tmp_path, tiny, monkeypatch):
+    from policies.dagger import Dagger
+
+    def diverged(self):
+        raise ValueError("an action is not finite; the policy has diverged")
+
+    def spoil(self):
+        with torch.no_grad():
+            self.actor.head.bias[0] = float("inf")
+        return diverged(self)
+
+    monkeypatch.setattr(Dagger, "step", spoil)
+    result = runner.invoke(app, ["train", "--recipe", tiny, "--out", str(tmp_path / "run")])
+    assert result.exit_code == 3
+    assert "weights actor.head.bias" in result.output and "Traceback" not in result.output

@@ -8,8 +8,10 @@ import pytest
 import torch
 
 from policies.contract import read_contract
-from policies.train import ACTOR, CHECKPOINT, CURVE, PICTURE, POLICY, load_actor, run
-from policies.train_io import Curve, TrainingError, load_checkpoint
+from policies.dagger import Dagger
+from policies.train import CHECKPOINT, CURVE, PICTURE, run
+from policies.train_actor import ACTOR, POLICY, load_actor
+from policies.train_io import VERSION, Curve, DivergedError, TrainingError, load_checkpoint, save_checkpoint
 from policies.train_recipe import FOLDER, RecipeError, list_recipes, load_recipe
 
 torch.set_num_threads(1)
@@ -102,10 +104,59 @@ def test_run_resume_and_what_is_left_behind(tiny, tmp_path):
 
 def test_vision_run_from_a_state_actor(tiny, tmp_path):
     run("state", str(tiny), 1, tmp_path / "s")
-    policy = run("vision", str(tiny), 1, tmp_path / "v", parent=tmp_path / "s" / ACTOR)
+    stopped = tmp_path / "v"
+    run("vision", str(tiny), 1, stopped, parent=tmp_path / "s", stop=lambda: True)
+    policy = run("vision", str(tiny), 1, stopped, resume=True)
     contract = read_contract(policy)
     assert contract.stage == "vision" and contract.provenance.parent == "tiny-state-1"
     assert contract.provenance.samples == 2 * (1024 + 768)
+    other = tmp_path / "other.toml"
+    other.write_text(TINY + "[network]\nwidth = 64\n")
+    with pytest.raises(TrainingError, match="another network"):
+        run("vision", str(other), 1, tmp_path / "w", parent=tmp_path / "s" / ACTOR)
+
+
+def test_a_checkpoint_of_another_version_is_refused(tiny, tmp_path):
+    path = tmp_path / "run" / CHECKPOINT
+    run("state", str(tiny), 1, tmp_path / "run", stop=lambda: True)
+    saved = load_checkpoint(path)
+    save_checkpoint(path, {**saved, "version": (VERSION[0] + 1, *VERSION[1:])})
+    with pytest.raises(TrainingError, match="version 2 perchrl-yaw 1, this is 1 perchrl-yaw 1"):
+        run("state", str(tiny), 1, tmp_path / "run", resume=True)
+    save_checkpoint(path, {**saved, "learner": {**saved["learner"], "replay": {}}})
+    with pytest.raises(TrainingError, match="does not fit") as error:
+        run("state", str(tiny), 1, tmp_path / "run", resume=True)
+    assert "\n" not in str(error.value)
+    with pytest.raises(TrainingError, match="not an actor"):
+        load_actor(path)
+
+
+def test_what_is_not_finite_is_named_and_the_last_good_checkpoint_kept(tiny, tmp_path):
+    """A reward weight turns to NaN in the second phase; the first one's checkpoint stays and can be gone on from."""
+    tiny.write_text(TINY.replace("impact = 100.0", "aggressiveness = nan"))
+    with pytest.raises(DivergedError, match=r"reward term .*aggr.*last good checkpoint is kept") as error:
+        run("state", str(tiny), 1, tmp_path / "run")
+    assert "\n" not in str(error.value)
+    saved = load_checkpoint(tmp_path / "run" / CHECKPOINT)
+    assert saved["phase"] == 0 and saved["total"] == 1024
+    assert all(torch.isfinite(value).all() for value in saved["learner"]["actor"].values())
+    read_contract(tmp_path / "run" / POLICY)
+
+
+def test_weights_that_are_not_finite_are_never_saved(tiny, tmp_path, monkeypatch):
+    plain = Dagger.step
+
+    def poisoned(self):
+        numbers = plain(self)
+        if self.samples >= 512:
+            with torch.no_grad():
+                self.actor.head.bias[1] = float("nan")
+        return numbers
+
+    monkeypatch.setattr(Dagger, "step", poisoned)
+    with pytest.raises(DivergedError, match=r"weights actor.head.bias.*after 512 samples; there was no checkpoint yet"):
+        run("state", str(tiny), 1, tmp_path / "run")
+    assert not (tmp_path / "run" / CHECKPOINT).exists()
 
 
 def test_what_is_wrong_is_one_line(tiny, tmp_path):
@@ -114,9 +165,16 @@ def test_what_is_wrong_is_one_line(tiny, tmp_path):
     (tmp_path / CHECKPOINT).write_bytes(b"not a checkpoint")
     with pytest.raises(TrainingError, match="damaged"):
         load_checkpoint(tmp_path / CHECKPOINT)
-    if not torch.cuda.is_available():
-        with pytest.raises(TrainingError, match="no CUDA GPU"):
-            run("state", str(tiny), 1, tmp_path / "gpu", device="cuda")
+    with pytest.raises(TrainingError, match="no device 'gpu'"):
+        run("state", str(tiny), 1, tmp_path / "gpu", device="gpu")
+
+
+@pytest.mark.parametrize(("device", "count"), [("cuda", 0), ("cuda:0", 0), ("cuda:2", 2)])
+def test_a_gpu_that_is_not_there(tiny, tmp_path, monkeypatch, device, count):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: count > 0)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: count)
+    with pytest.raises(TrainingError, match=f"'{device}' was asked for.*(no CUDA GPU|2 CUDA GPUs) here"):
+        run("state", str(tiny), 1, tmp_path / "gpu", device=device)
 
 
 def test_curve_drops_what_came_after_the_checkpoint(tmp_path):
@@ -134,7 +192,7 @@ def test_curve_drops_what_came_after_the_checkpoint(tmp_path):
 def test_two_processes_by_torchrun(tiny, tmp_path):
     """Two gloo processes learn one set of weights."""
     command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--master-port=29617"]
-    command += ["-m", "policies.train", "--recipe", str(tiny), "--seed", "5", "--out", str(tmp_path / "two")]
+    command += ["-m", "hil", "train", "--recipe", str(tiny), "--seed", "5", "--out", str(tmp_path / "two")]
     root = Path(__file__).parents[3]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=280, check=False)
     assert done.returncode == 0, done.stderr[-2000:]

@@ -1,0 +1,5 @@
+"""`python -m hil` is `perch-hil`; torchrun needs it: `torchrun --nproc-per-node=2 -m hil train ...`."""
+
+from hil.cli import main
+
+main()
