@@ -16,20 +16,25 @@ from groundcar.follower import Follower
 from groundcar.scout_link import ScoutLink
 from groundcar.scout_params import load_scout
 from groundcar.scout_sim import ScoutSim
-from hil.gate import Gate
+from hil.gate import CarGate, Gate
 from hil.node import Node
 from hil.nodes.belief import BeliefNode
+from hil.nodes.camera_device import CameraDevice
 from hil.nodes.camera_model import CameraModel
 from hil.nodes.camera_sim import CameraSim
 from hil.nodes.car import CarDevice, CarFollower, CarLink
 from hil.nodes.detector import Detector
 from hil.nodes.director import Director
 from hil.nodes.mocap import MocapNode
+from hil.nodes.mocap_device import MocapDevice
 from hil.nodes.policy import PolicyNode
 from hil.nodes.referee import Referee
 from hil.nodes.vehicle import VehicleDevice, VehicleLink
 from hil.platform_motion import hover_start, motion_aux, start_parameter, start_platform
-from hil.rig import Rig
+from hil.rig import CameraSlot, Rig
+from hil.wires.camera import Mode
+from hil.wires.camera_kinds import open_camera
+from hil.wires.mocap_vrpn import VrpnMocap
 from kernel.random import stream
 from policies.belief import BoardFilter
 from policies.contact import ContactRules
@@ -51,6 +56,11 @@ from vehicle.rotations import from_rotation_vector
 from vehicle.wind import Wind
 
 PREPARE_LIMIT_NS = 90_000_000_000
+PREPARE_LIMIT_REAL_NS = 130_000_000_000  # a SITL lags behind wall time
+# What lets the software PX4 fly on external poses alone, as it must be set on a real one before it boots.
+EXTERNAL_POSE_PARAMETERS = {
+    "EKF2_EV_CTRL": 11, "EKF2_GPS_CTRL": 0, "EKF2_HGT_REF": 3, "SYS_HAS_GPS": 0, "SENS_EN_GPSSIM": 0,
+}  # fmt: skip
 _MS = 1_000_000
 
 
@@ -95,9 +105,7 @@ class Assembly:
         self._make_policy, self._wires, self._stopwatch = make_policy, wires, stopwatch
         self._unix_ns = unix_ns
         self._frame = af.load_airframe(rig.vehicle.airframe)
-        tilt = math.radians(self._frame.camera.tilt_deg) + drawn.camera_tilt_offset
-        self._true_camera = Camera(offset=self._frame.camera.offset, tilt=tilt)
-        self.camera = replace(self._true_camera, tilt=tilt + drawn.camera_tilt_error)  # the calibrated one
+        self._true_camera, self.camera = mounted_cameras(rig.camera, self._frame, drawn)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -118,7 +126,10 @@ class Assembly:
         params[af.INERTIA : af.INERTIA + 3] *= drawn.inertia_factor
         params[af.MOTOR_THRUST] *= drawn.mass_factor * drawn.thrust_to_weight_factor * drawn.thrust_gain
         wire = self._wires.vehicle_device()
-        sim = Px4Sim({"api": wire}, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, params_row=params)
+        parameters = EXTERNAL_POSE_PARAMETERS if self._rig.vehicle.external_pose else None
+        sim = Px4Sim(
+            {"api": wire}, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, parameters=parameters, params_row=params
+        )
         return VehicleDevice(sim, self._wind())
 
     def _wind(self) -> Wind | None:
@@ -130,11 +141,16 @@ class Assembly:
     def _vehicle_link(self) -> VehicleLink:
         slot, real = self._rig.vehicle, self._rig.vehicle.kind != "sim"
         steepest = math.radians(self._scenario.board.inclination_deg)
-        config = LinkConfig(start=self._start(), hover_thrust=self._frame.hover_thrust, steepest=steepest)
+        config = LinkConfig(
+            start=self._start(), hover_thrust=self._frame.hover_thrust, steepest=steepest,
+            hover_position=slot.hover_position, hover_speed=slot.hover_speed, hover_turning=slot.hover_turning,
+            external_vision=slot.external_pose,
+        )  # fmt: skip
         if real:
             config = replace(config, clock_drift=slot.clock_drift, signing=_signing(slot.signing_key, self._unix_ns))
         seen_by_simulation = real and "sim" in (self._rig.camera.kind, self._rig.mocap.kind)
-        return VehicleLink(Px4Link(self._wires.vehicle_link(), config), Gate(self._rig.gate), seen_by_simulation)
+        link = Px4Link(self._wires.vehicle_link(), config)
+        return VehicleLink(link, Gate(self._rig.gate), seen_by_simulation, slot.external_pose)
 
     def _start(self) -> tuple[float, float, float, float]:
         return hover_start(self._scenario, self._drawn, load_scout().follower.acceleration)
@@ -146,30 +162,37 @@ class Assembly:
         return CarDevice(sim, board.height, math.radians(board.inclination_deg))
 
     def _car_link(self) -> CarLink:
-        return CarLink(ScoutLink(self._wires.car_link()))
+        return CarLink(ScoutLink(self._wires.car_link()), CarGate(self._rig.car_gate))
 
     def _car_follower(self) -> CarFollower:
         aux = motion_aux(self._scenario, self._drawn)
         start = start_parameter(self._scenario, self._drawn, aux)
         return CarFollower(Follower(aux, start, stream(self._drawn.speed_seed)))
 
-    def _mocap(self) -> MocapNode:
-        if self._rig.mocap.kind != "sim":
-            raise ValueError("motion capture of kind vrpn: this version has no client for it; use kind sim")
+    def _mocap(self) -> Node:
         slot, seed = self._rig.mocap, self._drawn.mocap_seed
+        if slot.kind == "vrpn":
+            self._real_time("motion capture", slot.kind)
+            bodies = (slot.vehicle_body, slot.board_body)
+            wire = VrpnMocap(slot.server, bodies, round(slot.delay_ms * _MS)).wait_for_bodies()
+            return MocapDevice(wire, *bodies)
         return MocapNode(Mocap(seed), Mocap(seed + 1), slot.rate_hz, round(slot.delay_ms * _MS))
 
     def _director(self) -> Director:
-        return Director(round(self._scenario.car.lead * 1e9), PREPARE_LIMIT_NS)
+        limit_ns = PREPARE_LIMIT_NS if self._rig.vehicle.kind == "sim" else PREPARE_LIMIT_REAL_NS
+        return Director(round(self._scenario.car.lead * 1e9), limit_ns)
 
     def _referee(self) -> Referee:
         return Referee(_rules(self._scenario, self._frame), math.radians(self._scenario.board.inclination_deg))
 
     def _camera(self) -> Node:
         slot, drawn, rate = self._rig.camera, self._drawn, self._scenario.camera.rate
-        if slot.kind != "sim":
-            raise ValueError(f"a camera of kind {slot.kind}: this version has no driver for it; use kind sim")
         exposure_ns, transport_ns = round(slot.exposure_ms * _MS), round(slot.transport_ms * _MS)
+        if slot.kind != "sim":
+            if slot.kind != "mcap":
+                self._real_time("camera", slot.kind)
+            mode = Mode(self.camera.width, self.camera.height, rate)
+            return CameraDevice(open_camera(slot, mode), exposure_ns, slot.kind != "mcap")
         if slot.source == "pictures":
             renderer = Renderer(self._true_camera, self._board(), drawn.image_seed, Sensor(gain=slot.gain))
             return CameraSim(renderer, rate, exposure_ns, transport_ns)
@@ -187,6 +210,10 @@ class Assembly:
             round(slot.model_processing_ms * _MS),
         )
 
+    def _real_time(self, what: str, kind: str) -> None:
+        if self._stopwatch is None:
+            raise ValueError(f"a {what} of kind {kind} keeps real time, which only the live host does: fly with --live")
+
     def _detector(self) -> Detector:
         return Detector(BoardDetector(self.camera, self._board()), self.camera.row(), self._stopwatch)
 
@@ -198,6 +225,17 @@ class Assembly:
 
     def _board(self) -> Board:
         return Board(size=self._scenario.board.size)
+
+
+def mounted_cameras(slot: CameraSlot, frame: af.Airframe, drawn: Drawn) -> tuple[Camera, Camera]:
+    """(the true camera, the calibrated one). Of a device only the calibrated one is known: that of the airframe's file;
+    a recording is taken to be of a run with the same drawn numbers."""
+    offset, tilt = frame.camera.offset, math.radians(frame.camera.tilt_deg)
+    if slot.kind in ("v4l2", "gstreamer"):
+        camera = Camera(offset=offset, tilt=tilt)
+        return camera, camera
+    true = Camera(offset=offset, tilt=tilt + drawn.camera_tilt_offset)
+    return true, replace(true, tilt=true.tilt + drawn.camera_tilt_error)
 
 
 def _signing(path: str, unix_ns: int) -> Signing | None:

@@ -1,8 +1,9 @@
-"""The gate: the last look at a command before the vehicle's wire. Pure: no clock, no I/O.
+"""The gates: the last look at a command before the vehicle's wire, and before the car's. Pure: no clock, no I/O.
 
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped (a number that is not
 finite, a vehicle too fast, tumbling, outside its fence, or of unknown whereabouts) trips the gate: it latches, nothing
-more is sent, and the autopilot's own failsafe acts on the silence.
+more is sent, and the autopilot's own failsafe acts on the silence. The car's gate does the same, and the car's own
+500 ms watchdog stops it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from hil.messages import Action, Sent, VehicleState
+from hil.messages import Action, CarCommand, CarFeedback, Sent, VehicleState
 
 Range = tuple[float, float]
 
@@ -89,4 +90,55 @@ class Gate:
         for axis, value, (low, high) in zip("xyz", vehicle.position, (limits.x, limits.y, limits.z), strict=True):
             if not low <= value <= high:
                 return f"vehicle outside its fence: {axis} = {value:.2f} m, allowed {low:g} to {high:g}"
+        return ""
+
+
+class CarGateLimits(BaseModel):
+    """Limits of the car's gate; SI units. Defaults are the Scout Mini's own limits and a margin on what is measured."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    speed: float = Field(default=3.0, gt=0, le=3.0, description="that may be asked of the car, m/s")
+    turn_rate: float = Field(default=2.5235, gt=0, le=2.5235, description="the same, rad/s")
+    measured_speed: float = Field(default=3.5, gt=0, le=5, description="of the wheels, m/s; more trips")
+    measured_turn_rate: float = Field(default=4.0, gt=0, le=10, description="of the wheels, rad/s; more trips")
+    command_age_ms: float = Field(default=100.0, gt=0, le=400, description="an older command is not sent")
+    feedback_age_ms: float = Field(default=500.0, gt=0, le=2000, description="an older word of the car trips")
+
+
+class CarGate:
+    """The car's gate. `check` returns what may be sent, or None if nothing may; a trip latches."""
+
+    def __init__(self, limits: CarGateLimits) -> None:
+        self._limits = limits
+        self.tripped = ""
+        self.refused = 0
+
+    def check(self, now_ns: int, command: CarCommand, car: CarFeedback | None) -> CarCommand | None:
+        """`command` within the limits; `car` is what it said last, None before its first word."""
+        if self.tripped:
+            return None
+        self.tripped = self._trip(now_ns, command, car)
+        if self.tripped:
+            return None
+        limits = self._limits
+        if not 0 <= now_ns - command.stamp_ns <= limits.command_age_ms * 1e6:
+            self.refused += 1
+            return None
+        speed = min(limits.speed, max(-limits.speed, command.speed))
+        turn_rate = min(limits.turn_rate, max(-limits.turn_rate, command.turn_rate))
+        return CarCommand(command.stamp_ns, speed, turn_rate)
+
+    def _trip(self, now_ns: int, command: CarCommand, car: CarFeedback | None) -> str:
+        limits = self._limits
+        if not (math.isfinite(command.speed) and math.isfinite(command.turn_rate)):
+            return "command is not finite"
+        if car is None or not car.stamp_ns:
+            return ""  # it has not spoken yet, and the driver sends nothing before it does
+        if now_ns - car.stamp_ns > limits.feedback_age_ms * 1e6:
+            return f"the car has said nothing for {limits.feedback_age_ms:g} ms"
+        if abs(car.speed) > limits.measured_speed:
+            return f"car at {car.speed:.1f} m/s, limit {limits.measured_speed:g}"
+        if abs(car.turn_rate) > limits.measured_turn_rate:
+            return f"car turns at {car.turn_rate:.1f} rad/s, limit {limits.measured_turn_rate:g}"
         return ""

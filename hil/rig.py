@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from hil.gate import GateLimits
+from hil.gate import CarGateLimits, GateLimits
 from hil.wires import WireError
 from hil.wires.url import check_url
 from scenarios.toml_errors import ConfigError, load_toml, nearest
@@ -31,6 +31,12 @@ class VehicleSlot(_Section):
         default="", description="file with the 32 bytes of a MAVLink 2 signing key; empty: unsigned"
     )
     wire_delay_ms: float = Field(default=1.0, ge=0, le=100, description="one way, each direction; in lockstep")
+    external_pose: bool = Field(
+        default=False, description="motion capture is fed into the autopilot's estimator, which has nothing else"
+    )
+    hover_position: float = Field(default=0.15, gt=0, le=2, description="m from the start that still is the hover")
+    hover_speed: float = Field(default=0.08, gt=0, le=2, description="m/s; on GPS alone a vehicle never is as still")
+    hover_turning: float = Field(default=0.15, gt=0, le=2, description="rad/s, of the same")
 
     @field_validator("url")
     @classmethod
@@ -61,7 +67,8 @@ class GroundcarSlot(_Section):
 class CameraSlot(_Section):
     """The camera; `pictures` are rendered and detected, `model` is the paper's visibility gate and noise.
 
-    `device`: /dev/video0 of kind v4l2, a pipeline that ends in an appsink of kind gstreamer, a recording of kind mcap.
+    `device`: /dev/video0 of kind v4l2; of kind gstreamer a pipeline without its sink ("v4l2src ! jpegdec"); a run's
+    folder or recording, made with all pictures, of kind mcap, which is played back once the car sets off.
     """
 
     kind: Literal["sim", "v4l2", "gstreamer", "mcap"] = "sim"
@@ -70,6 +77,14 @@ class CameraSlot(_Section):
     exposure_ms: float = Field(default=2.0, gt=0, le=30)
     transport_ms: float = Field(default=15.0, ge=0, le=200, description="read-out and transfer, after exposure")
     gain: float = Field(default=1.0, gt=0, le=4)
+    pixel_format: str = Field(default="MJPG", pattern="^[A-Z0-9 ]{4}$", description="of kind v4l2: MJPG, GREY, YUYV")
+    stamps: Literal["driver", "arrival"] = Field(
+        default="driver",
+        description="of kind v4l2: the buffer's stamp, or arrival less half exposure and transport",
+    )
+    stamp_offset_ms: float = Field(
+        default=0.0, ge=-100, le=100, description="from the driver's stamp to the middle of the exposure; measure it"
+    )
     model_processing_ms: float = Field(default=8.0, ge=0, le=200, description="detection time, with source = model")
     model_noise: Literal["paper", "measured"] = "paper"
 
@@ -85,7 +100,9 @@ class CameraSlot(_Section):
 class MocapSlot(_Section):
     """The motion capture system: the referee's and the car's, never the policy's.
 
-    Of kind vrpn: the server's address, and how it calls the two bodies."""
+    Of kind vrpn: the server's HOST or HOST:PORT, and how it calls the two bodies, which are defined there as the
+    vehicle's body (x forward, z up, at the centre of mass) and the board (x up the slope, z out of it, at its centre),
+    in a world with z up. `delay_ms` is then taken off the arrival."""
 
     kind: Literal["sim", "vrpn"] = "sim"
     server: str = ""
@@ -93,6 +110,12 @@ class MocapSlot(_Section):
     board_body: str = "board"
     rate_hz: float = Field(default=100.0, gt=0, le=400)
     delay_ms: float = Field(default=5.0, ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _complete(self) -> MocapSlot:
+        if (self.kind == "vrpn") != bool(self.server):
+            raise ValueError('kind "vrpn" needs a server, kind "sim" has none')
+        return self
 
 
 class PolicySlot(_Section):
@@ -111,11 +134,23 @@ class Rig(_Section):
     mocap: MocapSlot = MocapSlot()
     policy: PolicySlot = PolicySlot()
     gate: GateLimits = GateLimits()
+    car_gate: CarGateLimits = CarGateLimits()
+
+    @model_validator(mode="after")
+    def _measured_from_outside(self) -> Rig:
+        if self.vehicle.external_pose and self.vehicle.kind != "sim" and self.mocap.kind == "sim":
+            raise ValueError(
+                "vehicle.external_pose with a simulated motion capture would feed the autopilot its own estimate: "
+                'use mocap of kind "vrpn", or leave external_pose out'
+            )
+        return self
 
     @property
     def simulated(self) -> bool:
-        """True if no real device is in it; such runs never share an identity with real ones."""
-        return all(slot.kind == "sim" for slot in (self.vehicle, self.groundcar, self.camera, self.mocap))
+        """True if no real device is in it (recorded pictures are none); such runs never share an identity with real
+        ones."""
+        others = all(slot.kind == "sim" for slot in (self.vehicle, self.groundcar, self.mocap))
+        return others and self.camera.kind in ("sim", "mcap")
 
 
 def list_rigs() -> list[str]:

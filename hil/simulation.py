@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 from hil.assembly import Assembly
 from hil.node import Node
+from hil.nodes.camera_device import CameraDevice
 from hil.nodes.car import CarLink
 from hil.nodes.detector import Detector
 from hil.nodes.director import Director
+from hil.nodes.mocap_device import MocapDevice
 from hil.nodes.vehicle import VehicleLink
 from hil.rig import Rig
 from hil.wire import memory_pair
@@ -73,6 +75,14 @@ def counters(nodes: Sequence[Node]) -> dict[str, int]:
             counts["commands too old to send"] = node.refused
         elif isinstance(node, CarLink):
             counts["frames rejected on the car's wire"] = node.rejected
+            counts["commands too old to send to the car"] = node.refused
+        elif isinstance(node, CameraDevice):
+            counts["pictures replaced before they were read"] = node.dropped
+            counts["cameras lost"] = node.losses
+        elif isinstance(node, MocapDevice):
+            counts["poses of motion capture rejected"] = node.rejected
+            counts["times a body was hidden from motion capture"] = node.hidings
+            counts["motion capture systems lost"] = node.losses
         elif isinstance(node, Detector):
             counts["pictures dropped by a busy detector"] = node.dropped
     counts.setdefault("pictures dropped by a busy detector", 0)

@@ -32,6 +32,7 @@ TOPICS: dict[str, Topic] = {
     "mocap/board": Topic(m.BoardState, 100, 50, True, ("referee", "car_follower")),
     "car/reference": Topic(m.CarReference, 50, 100, True, ()),
     "car/command": Topic(m.CarCommand, 50, 100, True, ("car_link",)),
+    "car/sent": Topic(m.CarCommand, 0, 0, True, ()),
     "car/feedback": Topic(m.CarFeedback, 50, 100, True, ()),
     "vehicle/odometry": Topic(m.VehicleState, 100, 50, True, ("detector", "belief", "policy")),
     "vehicle/status": Topic(m.VehicleStatus, 10, 500, True, EVERYONE),

@@ -137,9 +137,17 @@ class ParameterCheck:
             self.values[name], self._kinds[name] = value, kind
 
     def give_up_reading(self) -> str:
-        """Nobody answers for some names: go on without them. Returns the complaint if PX4 answers for none at all."""
+        """Nobody answers for some names: go on without them. Returns the complaint if that must not be."""
         self._unknown += self.unread
-        return "" if self.values else "the autopilot answers no request for a parameter"
+        if not self.values:
+            return "the autopilot answers no request for a parameter"
+        missing = [name for name in self._config.required if name in self._unknown]
+        if missing:
+            return (
+                f"this PX4 has no parameter {' nor '.join(missing)}, or does not answer: what it does when commands "
+                "stop is not known, so it is not armed: check firmware and link"
+            )
+        return ""
 
     def report(self) -> list[Note]:
         """What was changed, what is unknown, what is amiss."""

@@ -89,6 +89,7 @@ class LinkConfig:
     system: int = 1
     arm: bool = True  # False: waits in phase ready for `Px4Link.allow_arming`
     parameters: Mapping[str, float] = field(default_factory=lambda: {"COM_OF_LOSS_T": 0.3, "COM_OBL_RC_ACT": 4})
+    required: tuple[str, ...] = ("COM_OF_LOSS_T", "COM_OBL_RC_ACT")  # an autopilot without these is not armed
     streams: Mapping[int, float] = field(default_factory=lambda: dict(STREAMS))
     goto_speed: float = 1.5  # m/s, of the set-point on its way to the start
     goto_acceleration: float = 1.0  # m/s^2, of the same

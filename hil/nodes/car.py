@@ -1,4 +1,4 @@
-"""The ground car: follower, CAN driver, and the simulated car behind the wire."""
+"""The ground car: follower, CAN driver with its gate, and the simulated car behind the wire."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from groundcar.follower import Follower
 from groundcar.motion import HEADING, SPEED, TURN_RATE
 from groundcar.scout_link import ScoutLink, WrongProtocolError
 from groundcar.scout_sim import ScoutSim
+from hil.gate import CarGate, CarGateLimits
 from hil.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage
 from hil.node import Inbox, Out
 
 CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
+_BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board
+_STANDING = 0.05  # m/s
 
 
 class CarFollower:
-    """Drives the car along the scenario's motion, by motion capture, once the director lets it."""
+    """Drives the car along the scenario's motion, by motion capture, once the director lets it; brings it to rest once
+    the run has ended."""
 
     name = "car_follower"
     inputs = ("mocap/board", "run/stage")
@@ -26,10 +30,13 @@ class CarFollower:
 
     def __init__(self, follower: Follower) -> None:
         self._follower = follower
+        self._asked = (0.0, 0.0)
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         board: BoardState | None = inbox.latest("mocap/board")
         stage: Stage | None = inbox.latest("run/stage")
+        if stage is not None and stage.name == "ended":
+            return [self._command(now_ns, *self._slower())]
         if board is None or stage is None:
             return []
         if stage.car_start_ns:
@@ -42,27 +49,50 @@ class CarFollower:
         )
         return [
             Out("car/reference", CarReference(*reference)),
-            Out("car/command", CarCommand(command.stamp_ns, command.speed, command.turn_rate)),
+            self._command(command.stamp_ns, command.speed, command.turn_rate),
         ]
+
+    def _command(self, stamp_ns: int, speed: float, turn_rate: float) -> Out:
+        self._asked = (speed, turn_rate)
+        return Out("car/command", CarCommand(stamp_ns, speed, turn_rate))
+
+    def _slower(self) -> tuple[float, float]:
+        """The last command a period later: on the same curve to rest, no faster than the car is driven otherwise."""
+        speed, turn_rate = self._asked
+        left = max(0.0, abs(speed) - _BRAKING * CONTROL_PERIOD_NS * 1e-9)
+        share = left / abs(speed) if left else 0.0
+        return math.copysign(left, speed), share * turn_rate
 
     def close(self) -> None:
         pass
 
 
 class CarLink:
-    """The CAN driver: enables the car, passes fresh commands on, reports what it says."""
+    """The CAN driver with its gate: enables the car, passes fresh commands on, reports what it says and was sent."""
 
     name = "car_link"
     inputs = ("car/command",)
-    outputs = ("car/feedback", "event")
+    outputs = ("car/feedback", "car/sent", "event")
     wakes = ("car/command",)
     period_ns = CONTROL_PERIOD_NS
 
-    def __init__(self, link: ScoutLink) -> None:
-        self._link = link
+    def __init__(self, link: ScoutLink, gate: CarGate | None = None) -> None:
+        self._link, self._gate = link, gate or CarGate(CarGateLimits())
         self._fault = ""
+        self._said: CarFeedback | None = None
+        self._sent = 0
         self.rejected = 0
-        self._refused = self._aborted = False
+        self._protocol_wrong = self._aborted = False
+
+    @property
+    def refused(self) -> int:
+        """Commands that came too old to be sent."""
+        return self._gate.refused
+
+    @property
+    def safe(self) -> bool:
+        """The car stands, or is out of reach: then its own watchdog stops it."""
+        return self._said is None or bool(self._fault) or abs(self._said.speed) < _STANDING
 
     def abort(self, why: str) -> None:
         """Ask for zero speed from now on, whatever is commanded."""
@@ -70,23 +100,35 @@ class CarLink:
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         commands = [CarCommand(now_ns, 0.0, 0.0)] if self._aborted else inbox.new("car/command")
-        if self._refused:
+        if self._protocol_wrong:
             return []
+        outs: list[Out] = []
+        checked = self._checked(now_ns, commands[-1], outs) if commands else None
         try:
-            said = self._link.step(now_ns, commands[-1] if commands else None)
+            said = self._link.step(now_ns, checked)
         except WrongProtocolError as error:
-            self._refused = True
+            self._protocol_wrong, self._said = True, None
             return [Out("event", Event(now_ns, "error", self.name, str(error)))]
         self.rejected = said.rejected_frames
-        outs: list[Out] = []
         if said.fault != self._fault:
             text = f"car: {said.fault}" if said.fault else f"car: fault gone ({self._fault})"
             outs.append(Out("event", Event(now_ns, "warning" if said.fault else "info", self.name, text)))
             self._fault = said.fault
-        feedback = CarFeedback(
+        if checked is not None and said.sent_commands != self._sent:
+            outs.append(Out("car/sent", checked))
+        self._sent = said.sent_commands
+        self._said = CarFeedback(
             said.stamp_ns, said.speed, said.turn_rate, said.mode, said.battery_v, said.fault, said.rejected_frames
         )
-        return [*outs, Out("car/feedback", feedback)]
+        return [*outs, Out("car/feedback", self._said)]
+
+    def _checked(self, now_ns: int, command: CarCommand, outs: list[Out]) -> CarCommand | None:
+        """What may be sent of `command`; a trip is told once."""
+        before = self._gate.tripped
+        checked = self._gate.check(now_ns, command, self._said)
+        if self._gate.tripped and not before:
+            outs.append(Out("event", Event(now_ns, "error", "car_gate", f"gate tripped: {self._gate.tripped}")))
+        return checked
 
     def close(self) -> None:
         pass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hil.messages import BoardState, VehicleState
+from hil.messages import BoardState, Quat, Vec3, VehicleState
 from hil.node import Inbox, Out
 from vehicle.mocap import Mocap
 
@@ -37,10 +37,18 @@ class MocapNode:
         position, velocity, orientation, rate = self._board.measure(
             board.position, board.velocity, board.orientation, rates
         )
-        w, x, y, z = orientation
-        heading = math.atan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))  # of the board's y axis
-        speed = velocity[0] * math.cos(heading) + velocity[1] * math.sin(heading)
-        return BoardState(board.stamp_ns, position, velocity, orientation, heading, speed, rate[2])
+        return board_state(board.stamp_ns, position, velocity, orientation, rate[2])
 
     def close(self) -> None:
         pass
+
+
+def board_state(stamp_ns: int, position: Vec3, velocity: Vec3, orientation: Quat, turn_rate: float) -> BoardState:
+    """The board's state from its pose and motion: m, m/s (world), wxyz (world from board), rad/s (of the car).
+
+    The car's heading is that of the board's y axis, less a quarter turn: it stays level however the board is inclined.
+    """
+    w, x, y, z = orientation
+    heading = math.atan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))
+    speed = velocity[0] * math.cos(heading) + velocity[1] * math.sin(heading)
+    return BoardState(stamp_ns, position, velocity, orientation, heading, speed, turn_rate)

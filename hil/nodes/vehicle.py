@@ -7,7 +7,7 @@ from hil.messages import Action, BoardState, Contact, Event, Sent, VehicleParame
 from hil.node import Inbox, Out
 from vehicle.px4_link import Px4Link
 from vehicle.px4_link_core import BEFORE_FLIGHT
-from vehicle.px4_link_types import LinkOutput, Rates
+from vehicle.px4_link_types import ExternalPose, LinkOutput, Rates
 from vehicle.px4_sim import Px4Sim
 from vehicle.wind import Wind
 
@@ -24,9 +24,12 @@ class VehicleLink:
     wakes = ("policy/action",)
     period_ns = 2_000_000
 
-    def __init__(self, link: Px4Link, gate: Gate, stands_for_truth: bool = False) -> None:
-        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where the autopilot says it is."""
-        self._link, self._gate, self._truth = link, gate, stands_for_truth
+    def __init__(self, link: Px4Link, gate: Gate, stands_for_truth: bool = False, external_pose: bool = False) -> None:
+        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where the autopilot says it is.
+        `external_pose`: what motion capture sees of the vehicle is passed on to the autopilot's estimator."""
+        self._link, self._gate, self._truth, self._external = link, gate, stands_for_truth, external_pose
+        if external_pose:
+            self.inputs = (*VehicleLink.inputs, "mocap/vehicle")
         if stands_for_truth:
             self.outputs = (*VehicleLink.outputs, "truth/vehicle")
         self._odometry: VehicleState | None = None
@@ -54,7 +57,9 @@ class VehicleLink:
         actions = [action for action in inbox.new("policy/action") if action.engaged]
         newest = actions[-1] if actions and not self._aborted else None
         command, sent, tripped = self._checked(now_ns, newest)
-        said = self._link.step(now_ns, command)
+        seen: VehicleState | None = inbox.latest("mocap/vehicle") if self._external else None
+        pose = None if seen is None else ExternalPose(seen.stamp_ns, seen.position, seen.orientation)
+        said = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in said.notes]
         if tripped:
             outs.append(Out("event", Event(now_ns, "error", "gate", f"gate tripped: {tripped}")))
@@ -142,6 +147,11 @@ class VehicleDevice:
 
     def __init__(self, sim: Px4Sim, wind: Wind | None = None) -> None:
         self._sim, self._wind = sim, wind
+
+    @property
+    def safe(self) -> bool:
+        """Nothing flies any more: until then its driver needs it."""
+        return not self._sim.truth().armed
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         contact: Contact | None = inbox.latest("referee/contact")

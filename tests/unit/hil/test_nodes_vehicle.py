@@ -7,7 +7,7 @@ from node_fakes import filled
 from hil.gate import Gate, GateLimits
 from hil.messages import Action, BoardState, Contact, VehicleState
 from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleDevice, VehicleLink
-from vehicle.px4_link_types import LinkOutput, Note, Odometry, Rates
+from vehicle.px4_link_types import ExternalPose, LinkOutput, Note, Odometry, Rates
 
 MS = 1_000_000
 NOW = 1_000 * MS
@@ -17,13 +17,14 @@ class FakeLink:
     """Says what it is told to, notes what it is given."""
 
     def __init__(self):
-        self.commands, self.calls = [], []
+        self.commands, self.calls, self.poses = [], [], []
         self.said = LinkOutput("handed_over", True, True, False, False, "OFFBOARD", 15.2, 0.49)
         self.garbage = 3
         self.parameters = {}
 
-    def step(self, now_ns, command=None):
+    def step(self, now_ns, command=None, external_pose=None):
         self.commands.append(command)
+        self.poses.append(external_pose)
         self.said.sent_thrust = None if command is None else 0.5
         return self.said
 
@@ -37,9 +38,9 @@ class FakeLink:
 class Rig:
     """Link node, gate and fake driver."""
 
-    def __init__(self):
+    def __init__(self, **options):
         self.link = FakeLink()
-        self.node = VehicleLink(self.link, Gate(GateLimits()))
+        self.node = VehicleLink(self.link, Gate(GateLimits()), **options)
         self.step(NOW - 4 * MS, odometry=True)
 
     def step(self, now_ns, *heard, odometry=False):
@@ -143,6 +144,19 @@ def test_notes_become_events_and_odometry_is_passed_on():
         VehicleState(NOW, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
     ]
     assert rig.node.garbage == 3
+
+
+SEEN = "mocap/vehicle", VehicleState(NOW - 5 * MS, (1.0, 2.0, 3.0), (9.0,) * 3, (0.6, 0.8, 0.0, 0.0), (9.0,) * 3)
+
+
+def test_motion_capture_is_passed_on_to_the_autopilot_where_the_rig_says_so():
+    rig = Rig(external_pose=True)
+    rig.step(NOW, SEEN)
+    assert rig.link.poses[-1] == ExternalPose(NOW - 5 * MS, (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
+    rig = Rig()
+    assert "mocap/vehicle" not in rig.node.inputs
+    rig.step(NOW)
+    assert rig.link.poses[-1] is None
 
 
 class FakeSim:

@@ -3,11 +3,11 @@
 import random
 
 import pytest
-from px4_bench import Bench
+from px4_bench import START, Bench
 
 from vehicle import px4_protocol as px4
 from vehicle.px4_codec import Packer
-from vehicle.px4_link_types import Rates
+from vehicle.px4_link_types import LinkConfig, Rates
 
 HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
 NAN = float("nan")
@@ -70,6 +70,14 @@ def test_a_px4_that_answers_for_no_parameter_at_all_does_not_fly():
     bench.deafen(True)
     bench.to("failed")
     assert bench.said("the autopilot answers no request for a parameter")
+
+
+def test_a_px4_without_a_parameter_that_decides_over_silence_does_not_arm():
+    assert LinkConfig(start=START).required == ("COM_OF_LOSS_T", "COM_OBL_RC_ACT")
+    bench = Bench(tries=2, required=("COM_OF_LOSS_T", "COM_NO_SUCH"), parameters={"COM_NO_SUCH": 1.0}).to("failed")
+    assert bench.said("this PX4 has no parameter COM_NO_SUCH, or does not answer")
+    assert bench.said("it is not armed")
+    assert not bench.sim.truth().armed
 
 
 def test_a_parameter_that_px4_does_not_take_over_ends_in_bounded_time():

@@ -1,0 +1,62 @@
+"""A camera that is no simulation: a device, or a recording that is played back."""
+
+from __future__ import annotations
+
+from hil.messages import Event, Image, Stage
+from hil.node import Inbox, Out
+from hil.wires import WireError
+from hil.wires.camera import CameraWire
+
+_POLL_NS = 2_000_000
+
+
+class CameraDevice:
+    """Passes the newest picture on, from the lead stage on (nobody looks before).
+
+    When a device goes away the recording is told, and the next step ends the service: flying on without eyes is
+    nothing to hope for, and every other service then goes to its safe state. The end of a recording is only told.
+    """
+
+    name = "camera"
+    inputs = ("run/stage",)
+    outputs = ("camera/image", "event")
+    wakes = ("run/stage",)  # a node that is woken is stepped at the time that it is, not at its deadline
+    period_ns = _POLL_NS
+
+    def __init__(self, camera: CameraWire, exposure_ns: int, real: bool = True) -> None:
+        """`real`: a device, not a recording."""
+        self._camera, self._exposure_ns, self._real = camera, exposure_ns, real
+        self._lost = ""
+
+    @property
+    def dropped(self) -> int:
+        """Pictures that came and were replaced before they could be passed on."""
+        return self._camera.dropped
+
+    @property
+    def losses(self) -> int:
+        """1 once the camera is gone."""
+        return int(bool(self._lost))
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        if self._lost and self._real:
+            raise WireError(self._lost)
+        stage: Stage | None = inbox.latest("run/stage")
+        if self._lost or (stage is not None and stage.name == "ended"):
+            return []
+        self._lost = self._camera.lost
+        if self._lost:
+            return [Out("event", Event(now_ns, "error" if self._real else "warning", self.name, self._lost))]
+        if stage is None or stage.name == "prepare":
+            return []
+        picture = self._camera.take(now_ns)
+        if picture is None:
+            return []
+        height, width = picture.pixels.shape
+        image = Image(
+            now_ns - picture.age_ns, width, height, self._exposure_ns, picture.pixels.tobytes(), picture.sequence
+        )
+        return [Out("camera/image", image)]
+
+    def close(self) -> None:
+        self._camera.close()

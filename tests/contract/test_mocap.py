@@ -1,0 +1,172 @@
+"""Motion capture over VRPN: the library's client against a server that speaks the protocol, and the node on top."""
+
+import math
+import sys
+import time
+
+import pytest
+from vrpn_server import VrpnServer
+
+from hil.messages import Stage
+from hil.node import Inbox
+from hil.nodes.mocap_device import MocapDevice
+from hil.wires import WireError
+from hil.wires.mocap_vrpn import BodyPose, VrpnMocap
+
+MS = 1_000_000
+INCLINED = (0.0, -math.sin(0.4), 0.0, math.cos(0.4))  # x, y, z, w: a board at 46 deg that faces back along x
+
+
+@pytest.fixture
+def server():
+    pytest.importorskip("motioncapture", reason="kind vrpn: the package motioncapture is not installed")
+    server = VrpnServer()
+    yield server
+    server.close()
+
+
+def bodies(t, **more):
+    """What the server streams: the vehicle rises at 0.5 m/s, the board drives along x at 2 m/s."""
+    return {
+        "quad": ((1.0, 2.0, 1.0 + 0.5 * t), (0.0, 0.0, 0.0, 1.0)),
+        "board": ((2.0 * t, 0.0, 1.5), INCLINED),
+        **more,
+    }
+
+
+class Feeder:
+    """Streams at 100 Hz of the wall clock for as long as somebody asks `until`."""
+
+    def __init__(self, server):
+        self.server, self.start = server, time.monotonic()
+
+    def until(self, condition, limit_s=10.0, names=("quad", "board")):
+        while not condition():
+            t = time.monotonic() - self.start
+            assert t < limit_s, "not within the limit"
+            self.server.tell({name: pose for name, pose in bodies(t).items() if name in names})
+            time.sleep(0.01)
+
+
+def client(server, names=("quad", "board")):
+    return VrpnMocap(f"127.0.0.1:{server.port}", names, 4 * MS)
+
+
+def test_poses_come_with_their_age_in_the_house_s_order(server):
+    wire, got = client(server), []
+    Feeder(server).until(lambda: got.extend(wire.take(0)) or len(got) > 20)
+    assert {pose.body for pose in got} == {"quad", "board"}
+    board = next(pose for pose in got if pose.body == "board")
+    assert board.orientation == pytest.approx((math.cos(0.4), 0.0, -math.sin(0.4), 0.0), abs=1e-6), "w, x, y, z"
+    assert board.position[2] == pytest.approx(1.5)
+    assert all(pose.age_ns >= 4 * MS for pose in got)
+    quads = [pose.position[2] for pose in got if pose.body == "quad"]
+    assert quads == sorted(set(quads)), "each pose once, oldest first"
+    assert wire.lost == ""
+    wire.close()
+    wire.close()
+
+
+def test_the_node_publishes_states_with_the_motion_it_measured(server):
+    node = MocapDevice(client(server), "quad", "board")
+    seen = {"mocap/vehicle": [], "mocap/board": [], "event": []}
+
+    def step():
+        inbox = Inbox(node.inputs)
+        for out in node.step(time.monotonic_ns(), inbox):
+            seen[out.topic].append(out.message)
+        return min(len(seen["mocap/vehicle"]), len(seen["mocap/board"])) >= 60
+
+    Feeder(server).until(step)
+    node.close()
+    # the poll of the library shakes single stamps by up to its 10 ms; their mean is the motion
+    vehicle, board = seen["mocap/vehicle"][10:], seen["mocap/board"][10:]
+    assert sorted(v.velocity[2] for v in vehicle)[len(vehicle) // 2] == pytest.approx(0.5, abs=0.2)
+    assert sorted(b.speed for b in board)[len(board) // 2] == pytest.approx(2.0, abs=0.6)
+    assert board[-1].heading == pytest.approx(0.0, abs=1e-6)
+    assert [v.stamp_ns for v in vehicle] == sorted(v.stamp_ns for v in vehicle)
+    assert node.rejected == 0
+
+
+def test_a_server_that_does_not_answer_or_lacks_a_body_is_told_before_anything_arms(server):
+    with pytest.raises(WireError, match=r"motion capture at 127\.0\.0\.1:\d+ sends nothing for 0\.3 s"):
+        client(server).wait_for_bodies(0.3)
+    wire = client(server, ("quad", "boat"))
+    Feeder(server).until(lambda: wire.seen >= {"quad", "board"})
+    with pytest.raises(WireError, match=r'does not know the body "boat"; it streams "board", "quad"'):
+        wire.wait_for_bodies(0.3)
+
+
+def test_a_server_that_goes_away_is_a_lost_wire(server):
+    wire, got = client(server), []
+    Feeder(server).until(lambda: got.extend(wire.take(0)) or len(got) > 4)
+    server.drop_clients()
+    until = time.monotonic() + 10.0
+    while not wire.lost and time.monotonic() < until:
+        wire.take(0)
+        time.sleep(0.02)
+    assert "is silent: no new pose for 1 s" in wire.lost
+    wire.close()
+
+
+def test_a_missing_package_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "motioncapture", None)
+    with pytest.raises(WireError, match=r"needs the Python package motioncapture.*pip install 'perch-hil\[mocap\]'"):
+        VrpnMocap("127.0.0.1", ("a", "b"), 0)
+
+
+class FakeWire:
+    """Gives what it is told to."""
+
+    def __init__(self):
+        self.lost, self.poses, self.closed = "", [], False
+
+    def take(self, now_ns):
+        poses, self.poses = self.poses, []
+        return poses
+
+    def close(self):
+        self.closed = True
+
+
+def fake():
+    wire = FakeWire()
+    return wire, MocapDevice(wire, "quad", "board")
+
+
+def step(node, now_ns):
+    inbox = Inbox(node.inputs)
+    inbox.put("run/stage", Stage(now_ns, "attempt", 1, 1))
+    return node.step(now_ns, inbox)
+
+
+def test_a_hidden_body_is_told_once_and_so_is_its_return():
+    wire, node = fake()
+    events = []
+    for k in range(100):
+        now = k * 10 * MS
+        if k < 10 or k >= 60:
+            wire.poses = [BodyPose("quad", 2 * MS, (0.0, 0.0, 0.01 * k), (1.0, 0.0, 0.0, 0.0))]
+        events += [out.message for out in step(node, now) if out.topic == "event"]
+    assert [(e.severity, e.text) for e in events] == [
+        ("warning", '"quad" is hidden from motion capture'),
+        ("info", '"quad" is seen again'),
+    ]
+    assert node.hidings == 1
+
+
+def test_garbage_is_counted_and_not_passed_on():
+    wire, node = fake()
+    wire.poses = [BodyPose("quad", 2 * MS, (math.nan, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))]
+    assert step(node, 10 * MS) == []
+    assert node.rejected == 1
+
+
+def test_a_lost_system_is_told_and_then_ends_the_service():
+    wire, node = fake()
+    wire.lost = "motion capture at here is silent"
+    (out,) = step(node, 10 * MS)
+    assert (out.topic, out.message.severity, out.message.text) == ("event", "error", wire.lost)
+    assert node.losses == 1
+    with pytest.raises(WireError, match="is silent"):
+        step(node, 12 * MS)

@@ -1,0 +1,49 @@
+"""The software PX4 as a SITL is: a process of its own that boots, speaks first to a UDP port, and lags wall time.
+
+`python px4_process.py PORT [SPEED]`: instance 0 of a PX4 on a free port, speaking to 127.0.0.1:PORT; SPEED is PX4 time
+over wall time. Runs until told to stop; the last line that it prints says how its flight went.
+"""
+
+import json
+import math
+import signal
+import sys
+import threading
+import time
+
+from hil.wires.udp import UdpWire
+from vehicle.airframe import load_airframe
+from vehicle.px4_estimator import GPS_NOISE
+from vehicle.px4_sim import Px4Sim
+from vehicle.rotations import body_z
+
+LOCAL = "127.0.0.1"
+TICK_S = 0.004
+
+
+def main(port: int, speed: float) -> None:
+    ended = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: ended.set())
+    wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
+    sim = Px4Sim({"api": wire}, load_airframe("sih_quad"), 1, noise=GPS_NOISE)
+    highest, armed, tilt = 0.0, 0, 0.0
+    was = False
+    sim.step(0)
+    print("booted", flush=True)
+    began = time.monotonic_ns()
+    while not ended.wait(TICK_S):
+        sim.step(round(speed * (time.monotonic_ns() - began)))
+        truth = sim.truth()
+        highest = max(highest, truth.position[2])
+        tilt = max(tilt, math.degrees(math.acos(min(1.0, body_z(truth.orientation)[2]))))
+        armed += truth.armed and not was
+        was = truth.armed
+    wire.close()
+    rejected = {name: count for name, count in sim.rejected.items() if count}
+    said = {"armed": armed, "armed_now": was, "highest_m": highest, "tilt_deg": tilt, "position": truth.position}
+    print(json.dumps(said | {"rejected": rejected}), flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), float(sys.argv[2]) if len(sys.argv) > 2 else 0.98)
