@@ -54,6 +54,14 @@ class Run:
         """Write score.json in one piece."""
         write_json(self.path / SCORE, score)
 
+    def add(self, tables: Mapping[str, Any]) -> None:
+        """Put more into the manifest. Raises RunError for a table that it has already."""
+        manifest = self.manifest
+        taken = [name for name in tables if name in manifest]
+        if taken:
+            raise RunError(f"{self.path / MANIFEST}: holds {', '.join(taken)} already")
+        write_json(self.path / MANIFEST, {**manifest, **tables})
+
     def finish(self, state: str, ended_utc: datetime, **wall_clock: float) -> None:
         """Write how the run ended (`finished`, `interrupted`, `failed`), when, and what the wall clock measured."""
         manifest = self.manifest

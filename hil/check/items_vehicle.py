@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
+from hil.autopilot_parameters import changes, last_flight
 from hil.check.context import Context
 from hil.check.judge import Reading
-from hil.check.registry import Unavailable, check
+from hil.check.registry import NotApplicable, Unavailable, check
 from hil.gate import Gate
 from hil.messages import Action, VehicleState
 from vehicle import px4_protocol as px4
@@ -101,6 +103,29 @@ def parameter(context: Context, *, name: str) -> Reading:
     except KeyError:
         raise Unavailable(f"the autopilot does not answer for {name}: not a parameter of this firmware?") from None
     return Reading(value, name, ground.source)
+
+
+@check("vehicle.parameters_changed", unit="parameters")
+def parameters_changed(context: Context) -> Reading:
+    """Parameters that are not as in the last flight of this rig, of those that its manifest holds."""
+    found = last_flight(context.out, context.rig_name)
+    if found is None:
+        raise NotApplicable(f"no earlier flight of rig {context.rig_name} under {context.out} tells its parameters")
+    run, before = found
+    ground = context.ground()
+    now: dict[str, float] = {}
+    for name in before:
+        with suppress(KeyError):  # no such parameter any more: a change like another
+            now[name] = ground.parameters[name]
+    if not now:
+        raise Unavailable("the autopilot answers for none of the parameters of that flight")
+    said = [f"{c.name} {_plain(c.other)}, now {_plain(c.value)}" for c in changes(now, before)]
+    detail = f"{len(before)} compared with {run.path.name}"
+    return Reading(len(said), f"{'; '.join(said)} ({detail})" if said else detail, ground.source)
+
+
+def _plain(value: float | None) -> str:
+    return "gone" if value is None else f"{value:g}"
 
 
 @check("vehicle.tilt_limit")

@@ -9,6 +9,7 @@ from typing import Any
 from markupsafe import Markup
 from pydantic import ValidationError
 
+from hil import autopilot_parameters as ap
 from hil.report.recorded import Recorded
 from hil.report.section import Section, table
 from hil.rig import Rig
@@ -16,7 +17,7 @@ from scenarios.spec import list_scenarios
 from scenarios.spec import load as load_scenario
 
 _SHOWN = ("identity", "state", "host", "seed")
-_TABLES = ("scenario", "rig", "code", "policy", "packages", "machine", "wall_clock", "format", *_SHOWN)
+_TABLES = ("scenario", "rig", "code", "policy", "packages", "machine", "wall_clock", "format", ap.TABLE, *_SHOWN)
 
 
 def build(recorded: Recorded) -> Section:
@@ -41,11 +42,10 @@ def build(recorded: Recorded) -> Section:
             section.html(table(("parameter", "this run", "default"), changed, "left"))
         else:
             section.text("None: everything is as it ships.")
+    _autopilot(section, recorded)
     extra = {key: value for key, value in manifest.items() if key not in _TABLES}
     for key, value in extra.items():
         section.html(_folded(key.replace("_", " "), [*_flat(value)]))
-    if not any("autopilot" in key for key in extra):
-        section.text("The manifest holds no autopilot parameters: which of them were not default is unknown.")
     section.html(_folded("packages", list(manifest.get("packages", {}).items())))
     section.html(_folded("scenario", [*_flat(manifest.get("scenario", {}))]))
     section.html(_folded("rig", [*_flat(manifest.get("rig", {}))]))
@@ -70,6 +70,23 @@ def _recording(recorded: Recorded) -> Iterator[tuple[object, ...]]:
             "score.json against the recording",
             "agrees" if same else "DIFFERS: scoring the recording again gives other numbers",
         )
+
+
+def _autopilot(section: Section, recorded: Recorded) -> None:
+    """What the driver read of the autopilot: from the manifest, else from the recording."""
+    section.html(Markup("<h3>{}</h3>").format("Autopilot parameters that are not default"))
+    held = ap.of_run(recorded.manifest)
+    if not held and ap.TOPIC in recorded.topics:
+        held = ap.latest(recorded.topics[ap.TOPIC].messages)
+    if not held:
+        section.text("Neither manifest nor recording holds autopilot parameters: which were not default is unknown.")
+        return
+    rows = [(c.name, c.value, "no such parameter" if c.other is None else c.other) for c in ap.not_default(held)]
+    if rows:
+        section.html(table(("parameter", "this run", f"default ({ap.BASE})"), [*rows], "left"))
+    else:
+        section.text(f"None of the {len(held)} that were read: all are as in {ap.BASE}.")
+    section.html(_folded(f"autopilot: all {len(held)} parameters that were read", sorted(held.items())))
 
 
 def _untracked(manifest: dict[str, Any]) -> list[Any]:

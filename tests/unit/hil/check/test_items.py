@@ -14,6 +14,7 @@ from hil.check import bench_bus, bench_camera, bench_car, bench_vehicle
 from hil.check.checklist import load_checklist
 from hil.check.judge import Outcome, judge
 from hil.check.registry import NotApplicable, Unavailable, checks
+from hil.runs import write_json
 from scenarios.spec import load
 from vehicle.px4_sim import Px4Sim
 from vehicle.render import Renderer
@@ -56,10 +57,26 @@ def test_a_healthy_simulated_rig_passes_every_item_of_the_preflight(healthy, key
     try:
         judged = result(healthy, key[0], **({"name": key[1]} if key[1] else {}))
     except NotApplicable as error:
-        assert key[0].startswith("policy.")
-        assert "built in" in str(error)
+        assert ("built in" in str(error)) is key[0].startswith("policy.")
+        assert ("no earlier flight" in str(error)) is (key[0] == "vehicle.parameters_changed")
     else:
         assert judged.outcome in (Outcome.PASS, Outcome.MARGINAL), judged
+
+
+def test_parameters_are_compared_with_the_last_flight_of_this_rig(context):
+    check = "vehicle.parameters_changed"
+    with pytest.raises(NotApplicable, match="no earlier flight of rig sim"):
+        result(context, check)
+    parameters = {"COM_OF_LOSS_T": 0.3, "FD_FAIL_P": 60}
+    flown = context.out / "20260102T030405Z_simple-i_sim-seed0"
+    flown.mkdir()
+    write_json(flown / "manifest.json", {"rig": {"name": "sim"}, "autopilot": {"parameters": parameters}})
+    assert result(context, check).outcome is Outcome.PASS
+    changed = {**parameters, "FD_FAIL_P": 45, "OLD_NAME": 2}
+    write_json(flown / "manifest.json", {"rig": {"name": "sim"}, "autopilot": {"parameters": changed}})
+    reading = checks()[check].function(context)
+    assert reading.value == 2 and "FD_FAIL_P 45, now 60; OLD_NAME 2, now gone" in reading.detail
+    assert result(context, check).outcome is Outcome.MARGINAL
 
 
 def test_measured_failsafe_times_are_those_of_the_parameters(healthy):

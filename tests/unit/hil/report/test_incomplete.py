@@ -140,12 +140,22 @@ def test_parameters_that_are_not_default_are_listed(copied):
     manifest = json.loads((copied / "manifest.json").read_text())
     manifest["scenario"]["tolerance"]["distance"] = 0.15
     manifest["rig"]["camera"]["transport_ms"] = 40.0
-    manifest["autopilot_parameters"] = {"MC_ROLLRATE_P": 0.15}
+    manifest["autopilot"] = {"parameters": {"COM_OF_LOSS_T": 0.3, "SYS_HAS_MAG": 1, "MINE": 7}}
     (copied / "manifest.json").write_text(json.dumps(manifest))
     text = Page(page.render([load(copied)])).text
     assert "tolerance.distance 0.15 0.2" in text
     assert "camera.transport_ms 40.0 15.0" in text
-    assert "MC_ROLLRATE_P 0.15" in text
+    assert "COM_OF_LOSS_T 0.3 1.0" in text and "MINE 7.0 no such parameter" in text
+    default = text[text.index("Autopilot parameters that are not default") : text.index("all 3 parameters")]
+    assert "SYS_HAS_MAG" not in default and "SYS_HAS_MAG 1.0" in text
+
+
+def test_without_autopilot_parameters_the_report_says_so(copied):
+    manifest = json.loads((copied / "manifest.json").read_text())
+    manifest.pop("autopilot", None)
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    without(copied, "vehicle/parameters")
+    assert "which were not default is unknown" in Page(page.render([load(copied)])).text
 
 
 def foreign(path):

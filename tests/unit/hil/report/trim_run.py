@@ -45,7 +45,7 @@ def trim(source: Path, target: Path) -> None:
             name = VIEWS[topic].DESCRIPTOR.full_name
             channels[topic] = writer.channel(topic, name, schema_set(VIEWS[topic]), lane)
     for raw in recording.raw(channels):
-        if raw.log_ns < start - BEFORE_NS:
+        if raw.log_ns < start - BEFORE_NS and raw.topic != PREFIX + "vehicle/parameters":
             continue
         nth = seen[raw.topic] = seen.get(raw.topic, -1) + 1
         if (raw.topic == "/camera/image" and nth % 6) or (raw.topic in ("/tf", "/camera/calibration") and nth > 5):
