@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from hil import provenance
+from hil.autopilot_parameters import note_parameters
 from hil.cli_live import live_lines
 from hil.console import json_row, published_row, run_table, seeds_table
 from hil.flight import Flight, fly
@@ -100,6 +101,7 @@ def fly_seeds(request: Request, seeds: Sequence[int]) -> int:
             for seed in seeds:
                 flight, summary = _fly_one(request, plan, seed, code, clearance, notes, viewer)
                 flights.append(flight)
+                note_parameters(flight.run)
                 _print(request, plan, flight, summary, notes, several=len(seeds) > 1)
                 if flight.interrupted:
                     break
