@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from policies.contract import CameraContract, Contract, ObservationContract, Provenance
 from policies.env_config import EnvConfig

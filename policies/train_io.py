@@ -17,6 +17,7 @@ from policies.observation import LAYOUT_NAME, LAYOUT_VERSION
 from policies.reward import TERMS
 
 VERSION = (1, LAYOUT_NAME, LAYOUT_VERSION)  # of a checkpoint's own layout, and of what its network reads
+_ARRAY = "numpy array"
 
 
 class TrainingError(RuntimeError):
@@ -50,7 +51,7 @@ def save_checkpoint(path: Path, data: dict[str, Any], agree: Callable[[], object
     path.parent.mkdir(parents=True, exist_ok=True)
     trial = path.with_suffix(".tmp")
     with trial.open("wb") as file:
-        torch.save({"version": VERSION, **data}, file)
+        torch.save({"version": VERSION, **_packed(data)}, file)
         file.flush()
         os.fsync(file.fileno())
     agree()
@@ -73,7 +74,23 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     if version != VERSION:
         has, here = (" ".join(map(str, numbers)) for numbers in (version, VERSION))
         raise TrainingError(f"checkpoint {path} is of version {has}, this is {here}; train again from the start")
+    return _unpacked(data)
+
+
+def _packed(data: Any) -> Any:
+    """Arrays as tensors on the same memory: pickled as arrays, a replay would take several times its size to write."""
+    if isinstance(data, dict):
+        return {k: _packed(v) for k, v in data.items()}
+    if isinstance(data, np.ndarray) and data.ndim:
+        return {_ARRAY: torch.from_numpy(np.ascontiguousarray(data))}
     return data
+
+
+def _unpacked(data: Any) -> Any:
+    """Inverse of `_packed`."""
+    if not isinstance(data, dict):
+        return data
+    return data[_ARRAY].numpy() if _ARRAY in data else {k: _unpacked(v) for k, v in data.items()}
 
 
 def bad_weights(learner: Any) -> list[str]:
