@@ -41,12 +41,31 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validate(data: dict[str, Any], model: type[Model], where: str) -> Model:
-    """`data` as `model`; ConfigError lists every fault, one a line, each starting with `where`."""
+    """`data` as `model`; ConfigError lists every fault, one a line, each starting with `where`.
+
+    In an array of tables the fault's place follows, as a person counts and calls it: `group 1 "one", item 2`.
+    """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        faults = [f"{where}: {_explain(fault, model)}" for fault in error.errors(include_url=False)]
+        faults = [f"{where}: {_explain(fault, model, data)}" for fault in error.errors(include_url=False)]
         raise ConfigError("\n".join(faults)) from None
+
+
+def place(data: Any, location: Sequence[str | int]) -> str:
+    """The table in arrays of tables at `location` (keys, and indices from 0): `group 1 "its title", item 2`."""
+    said: list[str] = []
+    key: str | int = ""
+    for part in location:
+        try:
+            data = data[part]
+        except (LookupError, TypeError):
+            data = None
+        if isinstance(part, int):
+            title = (data.get("title") or data.get("name")) if isinstance(data, dict) else None
+            said.append(f"{key} {part + 1}" + (f' "{title}"' if isinstance(title, str) else ""))
+        key = part
+    return ", ".join(said)
 
 
 def nearest(word: str, allowed: Sequence[str]) -> str:
@@ -55,53 +74,76 @@ def nearest(word: str, allowed: Sequence[str]) -> str:
     return f'; did you mean "{match[0]}"?' if match else ""
 
 
-def _explain(fault: Any, model: type[BaseModel]) -> str:
-    table, keys = _walk(model, fault["loc"])
+def _explain(fault: Any, model: type[BaseModel], data: dict[str, Any]) -> str:
+    table, tables, keys = _walk(model, fault["loc"])
+    at = f"{place(data, tables)}: " if tables else ""
     key = ".".join(keys) or "the file"
     kind, context = fault["type"], fault.get("ctx", {})
     if kind == "extra_forbidden":
         allowed = sorted(table.model_fields) if table else []
-        where = ".".join(keys[:-1]) or "the top level"
-        return f'unknown key "{key}"{nearest(keys[-1], allowed)} Allowed in {where}: {", ".join(allowed)}'
+        inside = ".".join(keys[:-1]) or ("" if tables else "the top level")
+        where = f" in {inside}" if inside else ""
+        return f'{at}unknown key "{key}"{nearest(keys[-1], allowed)} Allowed{where}: {", ".join(allowed)}'
     if kind == "missing":
-        return f'key "{key}" is missing'
+        return f'{at}key "{key}" is missing'
     if kind == "union_tag_not_found":
-        return f'key "{key}.kind" is missing: allowed are {_plain(context)}'
+        return f'{at}key "{_kind_of(keys)}" is missing: allowed are {_plain(context)}'
     if kind == "union_tag_invalid":
         tags = [tag.strip(" '") for tag in context["expected_tags"].split(",")]
-        return f'key "{key}.kind" is "{context["tag"]}"{nearest(context["tag"], tags)} Allowed: {", ".join(tags)}'
+        tag = context["tag"]
+        return f'{at}key "{_kind_of(keys)}" is "{tag}"{nearest(tag, tags)} Allowed: {", ".join(tags)}'
     if kind == "value_error":
-        return f'key "{key}": {context["error"]}'
+        return f"{at}{context['error']}" if tables and not keys else f'{at}key "{key}": {context["error"]}'
     message = fault["msg"].replace("Input should be", "must be")
-    return f'key "{key}": {message}, but it is {fault["input"]!r}'
+    return f'{at}key "{key}": {message}, but it is {fault["input"]!r}'
+
+
+def _kind_of(keys: list[str]) -> str:
+    return ".".join([*keys, "kind"])
 
 
 def _plain(context: dict[str, Any]) -> str:
     return str(context.get("expected_tags") or context.get("discriminator", ""))
 
 
-def _walk(model: type[BaseModel], location: tuple[Any, ...]) -> tuple[type[BaseModel] | None, list[str]]:
-    """The model that holds the last key of a pydantic error location, and the keys as the file spells them.
+def _walk(
+    model: type[BaseModel], location: tuple[Any, ...]
+) -> tuple[type[BaseModel] | None, tuple[str | int, ...], list[str]]:
+    """The model that holds the last key of a pydantic error location; the location of the innermost table of an array
+    of tables on the way (empty if there is none); and the keys from there on as the file spells them.
 
-    In a union of tables pydantic puts the tag (the value of `kind`) into the location; it is no key of the file.
+    In a union pydantic puts the member (the value of `kind`, or a type's name) into the location: no key of the file.
     """
     holder: type[BaseModel] | None = model
-    keys: list[str] = []
-    choices: list[Any] = [model]
+    here: Any = model
+    path: list[str | int] = []
+    inner, keys = 0, []
     for part in location:
-        tagged = [m for m in choices if len(choices) > 1 and part in _kinds(m)]
-        if tagged:
-            holder = tagged[0]
-            choices = [holder]
+        members = _members(here)
+        if len(members) > 1:
+            here = next((m for m in members if part in _kinds(m) or part == getattr(m, "__name__", "")), None)
             continue
+        here = members[0] if members else None
+        path.append(part)
         keys.append(str(part))
-        models = [m for m in choices if isinstance(m, type) and issubclass(m, BaseModel)]
-        if not models:
-            continue
-        holder = models[0]
-        field = holder.model_fields.get(str(part))
-        choices = _models(field.annotation) if field else []
-    return holder, keys
+        if _is_model(here):
+            holder = here
+            field = here.model_fields.get(str(part))
+            here = field.annotation if field else None
+        elif typing.get_origin(here) is dict:
+            here = typing.get_args(here)[1]
+        elif typing.get_origin(here) in (list, tuple) and isinstance(part, int):
+            elements = [m for m in typing.get_args(here) if m is not Ellipsis]
+            here = elements[min(part, len(elements) - 1)]
+            if any(map(_is_model, _members(here))):
+                inner, keys = len(path), []
+        else:
+            here = None
+    return holder, tuple(path[:inner]), keys
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
 def _kinds(model: Any) -> tuple[Any, ...]:
@@ -109,11 +151,10 @@ def _kinds(model: Any) -> tuple[Any, ...]:
     return typing.get_args(field.annotation) if field else ()
 
 
-def _models(annotation: Any) -> list[Any]:
-    if typing.get_origin(annotation) is typing.Annotated:
+def _members(annotation: Any) -> list[Any]:
+    """What a value may be: the members of a union, none of them None."""
+    while typing.get_origin(annotation) is typing.Annotated:
         annotation = typing.get_args(annotation)[0]
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        return [m for m in typing.get_args(annotation) if m is not type(None)]
-    if typing.get_origin(annotation) in (list, tuple, dict):
-        return [m for m in typing.get_args(annotation) if isinstance(m, type)]
+        return [n for m in typing.get_args(annotation) if m is not type(None) for n in _members(m)]
     return [annotation]

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from hil.check.judge import Limits
 from hil.check.registry import Check, argument_fault, checks
 from hil.rig import Rig
-from scenarios.toml_errors import ConfigError, nearest, read_toml, validate
+from scenarios.toml_errors import ConfigError, nearest, place, read_toml, validate
 
 FOLDER = Path(__file__).parent / "lists"
 When = Literal["any", "simulated", "real"]
@@ -144,28 +144,14 @@ def load_checklist(name: str) -> Checklist:
                 "a file of your own is given by its path, ending in .toml"
             )
     tables = read_toml(path)
-    faults = _item_faults(tables, str(path))
+    checklist = validate(tables, Checklist, str(path))
+    known, faults = checks(), []
+    for g, i, _ in checklist.places():
+        fault = _check_fault(checklist.group[g].item[i], known)
+        faults += [f"{path}: {place(tables, ('group', g, 'item', i))}: {fault}"] if fault else []
     if faults:
         raise ConfigError("\n".join(faults))
-    return validate(tables, Checklist, str(path))
-
-
-def _item_faults(tables: dict[str, Any], file: str) -> list[str]:
-    """Faults of single items, each named by its place as a person counts."""
-    known, faults = checks(), []
-    groups = tables.get("group")
-    for g, group in enumerate(groups if isinstance(groups, list) else [], start=1):
-        items = group.get("item") if isinstance(group, dict) else None
-        for i, table in enumerate(items if isinstance(items, list) else [], start=1):
-            where = f'{file}: group {g} "{group.get("title", "")}", item {i}'
-            try:
-                item = validate(table, Item, where)
-            except ConfigError as error:
-                faults.append(str(error).replace(" in the top level:", ":").replace('key "the file": ', ""))
-                continue
-            fault = _check_fault(item, known)
-            faults += [f"{where}: {fault}"] if fault else []
-    return faults
+    return checklist
 
 
 def _check_fault(item: Item, known: dict[str, Check]) -> str:

@@ -48,7 +48,7 @@ def test_a_crews_own_list_clears_nothing_unless_it_says_so(tmp_path):
         ("min = 1", 'ask = "And?"', ["item 1", 'either "check" (automatic) or "ask" (manual)']),
         ('ask = "Propellers off?"', 'title = "x"', ["item 2", 'either "check" (automatic) or "ask" (manual)']),
         ('title = "mine"', 'title = "mine"\nkind = "prefligt"', ["kind", "preflight"]),
-        ('title = "one"', "", ["group.0.title", "missing"]),
+        ('title = "one"', "", ['group 1: key "title" is missing']),
         ("title", "title = = 1", ["not valid TOML"]),
     ],
 )
