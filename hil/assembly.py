@@ -112,6 +112,13 @@ class Assembly:
         """The run's nodes, in the order in which they act within one instant."""
         return node_names(self._rig)
 
+    @property
+    def device_nodes(self) -> tuple[str, ...]:
+        """Nodes that take what they publish from a device, not from their inputs."""
+        rig = self._rig
+        kinds = {"camera": rig.camera.kind, "mocap": rig.mocap.kind}
+        return tuple(name for name, kind in kinds.items() if kind != "sim")
+
     def node(self, name: str) -> Node:
         """A fresh node of that name. Raises ValueError if this rig has none, and what its builder raises."""
         if name not in self.names:

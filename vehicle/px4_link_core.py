@@ -9,6 +9,7 @@ from vehicle import px4_protocol as px4
 from vehicle.px4_codec import Parser
 from vehicle.px4_link_heard import Heard
 from vehicle.px4_link_send import ByteWire, Sender
+from vehicle.px4_link_signing import is_signed
 from vehicle.px4_link_types import ExternalPose, LinkConfig, LinkOutput, Note
 
 SECOND = 1_000_000_000
@@ -33,6 +34,7 @@ class LinkCore:
         self._odometry_count = 0
         self._notes: list[Note] = []
         self._was = (False, False, 0)  # connected, failsafe, mode
+        self._said_signed = False
 
     @property
     def armed(self) -> bool:
@@ -74,6 +76,9 @@ class LinkCore:
             for frame in self._parser.feed(data):
                 if signer is None or signer.accepts(frame, now_ns):
                     heard.frame(frame, now_ns)
+                if signer is None and is_signed(frame) and not self._said_signed:
+                    self._said_signed = True
+                    self._note("warning", "the autopilot signs what it sends, and this link has no key: it may be deaf")
         heard.texts.flush(now_ns)
         heard.time.advance(now_ns)
         self._t = heard.time.ns

@@ -36,7 +36,9 @@ class GroundPhases(LinkCore):
                 self._since = self._t
                 others = ", ".join(f"{system}/{component}" for system, component in sorted(heard.strangers))
                 wanted = f"system {self._config.system}, component {px4.PX4_COMPONENT}"
-                self._note("warning", f"no PX4 heard as {wanted} yet (heard: {others or 'nothing'})")
+                refused = self.counters["unsigned_frames"]
+                unsigned = f"; {refused} frames without our signature were refused" if refused else ""
+                self._note("warning", f"no PX4 heard as {wanted} yet (heard: {others or 'nothing'}){unsigned}")
         elif heard.armed:
             self._fail("the vehicle is armed already: somebody else flies it. Land and disarm it first")
         else:

@@ -17,6 +17,11 @@ _SIGNED = 1  # incompatibility flag
 _CRC = struct.Struct("<H")
 
 
+def is_signed(frame: Frame) -> bool:
+    """Whether a received frame carries a signature, good or not."""
+    return frame.raw[0] == V2_MARK and bool(frame.raw[2] & _SIGNED)
+
+
 class Signer:
     """Signs and checks frames of one link. Timestamps only rise, so an overheard frame cannot be played again."""
 
@@ -36,10 +41,7 @@ class Signer:
 
     def accepts(self, frame: Frame, now_ns: int) -> bool:
         """True for a frame that may be believed; others are counted in `refused`."""
-        if frame.raw[0] == V2_MARK and frame.raw[2] & _SIGNED:
-            good = self._good(frame, now_ns)
-        else:
-            good = not self._config.require
+        good = self._good(frame, now_ns) if is_signed(frame) else not self._config.require
         self.refused += not good
         return good
 

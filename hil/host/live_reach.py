@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import importlib.util
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 from hil.rig import Rig
 from hil.wires import WireError
+from hil.wires.camera import Mode
+from hil.wires.camera_kinds import open_camera
 from hil.wires.can import open_can
+from hil.wires.mocap_vrpn import VrpnMocap
 from hil.wires.url import open_url
+from vehicle.camera import Camera
 from vehicle.px4_codec import Parser
 
 LISTEN_S = 3.0
 _CAR_V1, _CAR_V2 = 0x151, 0x221
+_CAMERA_HZ = (60.0, 30.0)  # what the published scenarios ask for; one of them will do here
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class Reached:
 
 def reach(rig: Rig, listen_s: float = LISTEN_S) -> list[Reached]:
     """Every slot of `rig`."""
-    return [_vehicle(rig, listen_s), _car(rig, listen_s), _camera(rig), _mocap(rig)]
+    return [_vehicle(rig, listen_s), _car(rig, listen_s), _camera(rig), _mocap(rig, listen_s)]
 
 
 def _vehicle(rig: Rig, listen_s: float) -> Reached:
@@ -79,14 +82,25 @@ def _camera(rig: Rig) -> Reached:
     slot = rig.camera
     if slot.kind == "sim":
         return Reached("camera", "sim", True, f"simulated, {slot.source}")
-    if slot.kind in ("v4l2", "mcap") and not Path(slot.device).exists():
-        return Reached("camera", slot.kind, False, f"{slot.device} is not there")
-    return Reached("camera", slot.kind, False, f"this version has no driver for cameras of kind {slot.kind}")
+    size, trouble = Camera(), ""
+    for rate in _CAMERA_HZ:
+        try:
+            camera = open_camera(slot, Mode(size.width, size.height, rate))
+        except WireError as error:
+            trouble = trouble or str(error)
+        else:
+            camera.close()
+            return Reached("camera", slot.kind, True, f"{camera.mode} from {camera.source}")
+    return Reached("camera", slot.kind, False, trouble)
 
 
-def _mocap(rig: Rig) -> Reached:
+def _mocap(rig: Rig, listen_s: float) -> Reached:
     slot = rig.mocap
     if slot.kind == "sim":
         return Reached("mocap", "sim", True, "simulated")
-    missing = "" if importlib.util.find_spec("motioncapture") else "; the package motioncapture is not installed either"
-    return Reached("mocap", slot.kind, False, f"this version has no client for kind {slot.kind}{missing}")
+    bodies = (slot.vehicle_body, slot.board_body)
+    try:
+        VrpnMocap(slot.server, bodies, 0).wait_for_bodies(listen_s).close()
+    except WireError as error:
+        return Reached("mocap", slot.kind, False, str(error))
+    return Reached("mocap", slot.kind, True, f"{' and '.join(bodies)} are streamed by {slot.server}")

@@ -84,7 +84,7 @@ def replay_run(
     receipts, recording = read_receipts(run.path), Recording(run.recording)
     if not receipts:
         raise ReplayError(f"{run.path} has no receipts: it was flown before there were any, or not by this host")
-    known = [name for name in assembly.names if name in PURE]
+    known = [name for name in assembly.names if name in PURE and name not in assembly.device_nodes]
     for name in nodes:
         if name not in known:
             raise ReplayError(f"node {name!r} cannot be replayed; of this run can be: {', '.join(known)}")

@@ -12,11 +12,12 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
 
 from hil.reader import ReadError, Recording
+from hil.record import PREFIX
 from hil.wires import WireError
 from hil.wires.camera import Mode, Picture
 
 _VIEW = "/camera/image"
-_OWN = "/perch/camera/image"
+_OWN = f"{PREFIX}camera/image"
 
 
 class _Recorded(NamedTuple):
@@ -26,7 +27,10 @@ class _Recorded(NamedTuple):
 
 
 class RecordedCamera:
-    """Plays from the first `take` on. A picture that cannot be decoded is counted in `damaged` and left out."""
+    """Plays from the first `take` on, which stands for the moment at which the recorded car set off.
+
+    A picture that cannot be decoded is counted in `damaged` and left out.
+    """
 
     def __init__(self, path: Path | str, mode: Mode) -> None:
         """Raises WireError if there is no recording, or it has no pictures, or not of the size in `mode`."""
@@ -47,7 +51,7 @@ class RecordedCamera:
                 f"{self.source} holds pictures of {width}x{height}, asked for was {mode.width}x{mode.height}: "
                 "previews are of half the size, record with --pictures all"
             )
-        self._first_ns = self._next.log_ns
+        self._first_ns = min(self._lead_ns(), self._next.log_ns)
         self._start_ns: int | None = None
         self._count = 0
 
@@ -69,6 +73,14 @@ class RecordedCamera:
 
     def close(self) -> None:
         """Nothing to give back."""
+
+    def _lead_ns(self) -> int:
+        """When the recorded run began its lead stage; beyond every time if it does not say."""
+        if f"{PREFIX}run/stage" in self._recording.topics:
+            for entry in self._recording.messages(["run/stage"]):
+                if entry.message.name != "prepare":
+                    return entry.log_ns
+        return 2**63
 
     def _read(self) -> Iterator[_Recorded]:
         if _OWN in self._recording.topics:

@@ -90,7 +90,7 @@ def ask(capture: cv2.VideoCapture, device: str, mode: Mode, pixel_format: str) -
     width, height = (round(capture.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
     granted = Mode(width, height, capture.get(cv2.CAP_PROP_FPS))
     given = int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little", signed=False).decode("ascii", "replace")
-    same = granted[:2] == mode[:2] and granted.rate_hz >= 0.99 * mode.rate_hz and given == pixel_format
+    same = granted[:2] == mode[:2] and abs(granted.rate_hz / mode.rate_hz - 1.0) < 0.01 and given == pixel_format
     if not same:
         raise WireError(
             f"{device} grants {granted} {given}, asked for was {mode} {pixel_format}: "
