@@ -33,6 +33,8 @@ def check(
     out: Annotated[Path, typer.Option(help="where run folders go")] = Path("runs"),
     json_file: Annotated[Path | None, typer.Option("--json", help="also write the record there")] = None,
     junit_file: Annotated[Path | None, typer.Option("--junit", help="also write JUnit XML there")] = None,
+    endpoint: Annotated[str, typer.Option(help="hub of the rig's other host, to compare clocks with")] = "",
+    keys: Annotated[Path | None, typer.Option(help="folder of `perch-hil keys`, if that hub is closed")] = None,
     names: Annotated[bool, typer.Option("--names", help="list the automatic checks a list may use, and leave")] = False,
 ) -> None:
     """Walk through a checklist: automatic items read the rig, the others ask you.
@@ -67,6 +69,8 @@ def check(
         out=out,
         json_file=json_file,
         junit_file=junit_file,
+        endpoint=endpoint,
+        keys=keys,
     )
     raise typer.Exit(run_checklist(wish))
 

@@ -48,7 +48,8 @@ def validate(data: dict[str, Any], model: type[Model], where: str) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        faults = [f"{where}: {_explain(fault, model, data)}" for fault in error.errors(include_url=False)]
+        found = [fault for fault in error.errors(include_url=False) if not _follows(fault)]
+        faults = [f"{where}: {_explain(fault, model, data)}" for fault in found]
         raise ConfigError("\n".join(faults)) from None
 
 
@@ -72,6 +73,12 @@ def nearest(word: str, allowed: Sequence[str]) -> str:
     """`; did you mean "x"?` for the allowed word closest to `word`, or nothing if none is close."""
     match = difflib.get_close_matches(word.lower(), list(allowed), n=1, cutoff=0.6)
     return f'; did you mean "{match[0]}"?' if match else ""
+
+
+def _follows(fault: Any) -> bool:
+    """An array is too short only because its faulty elements, each told by itself, were left out."""
+    short = fault["type"] == "too_short" and isinstance(fault["input"], list)
+    return short and len(fault["input"]) >= fault["ctx"]["min_length"]
 
 
 def _explain(fault: Any, model: type[BaseModel], data: dict[str, Any]) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import socket
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
-from hil.bus import Bus, BusError, Mailbox, open_hub
+from hil.bus import Bus, BusError, Mailbox, credentials_in, open_hub
+from hil.bus_clock import Clock
 from hil.check.registry import Unavailable
 from hil.messages import VehicleState
 
@@ -53,6 +55,15 @@ def measure_bus() -> BusReport:
         raise Unavailable("nothing that was sent over the bus arrived")
     delays.sort()
     return BusReport(delays[len(delays) // 2] * 1e-6, delays[-1] * 1e-6, len(delays), _MESSAGES)
+
+
+def compare_clocks(endpoint: str, keys: Path | None) -> Clock:
+    """This host's clocks against those of the hub at `endpoint`. Raises Unavailable if none answers there."""
+    try:
+        with Bus(endpoint, credentials_in(keys, "status") if keys is not None else None) as bus:
+            return bus.clock().measure()
+    except (BusError, TimeoutError, OSError, ValueError) as error:
+        raise Unavailable(str(error)) from None
 
 
 def _first(sender: Bus, mailbox: Mailbox) -> None:

@@ -51,6 +51,8 @@ class Wish:
     out: Path
     json_file: Path | None
     junit_file: Path | None
+    endpoint: str = ""
+    keys: Path | None = None
 
 
 def run_checklist(wish: Wish) -> int:
@@ -114,7 +116,7 @@ def _context(wish: Wish) -> tuple[Context, dict[str, Any]]:
     policy = wish.policy or rig.policy.kind
     if policy != "planner" and Path(policy).suffix != ".onnx":
         raise ConfigError(f"no policy {policy!r}: use planner, or the path of an .onnx file")
-    context = Context(Path(wish.rig).stem, rig, policy, scenario, wish.out, wish.run)
+    context = Context(Path(wish.rig).stem, rig, policy, scenario, wish.out, wish.run, wish.endpoint, wish.keys)
     return context, subject(wish.rig, rig, policy, scenario)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from hil.check.bench_camera import CameraBench
 from hil.check.bench_car import CarBench
@@ -23,12 +23,15 @@ from hil.check.bench_vehicle import (
     read_ground,
     try_failsafes,
 )
-from hil.check.registry import Unavailable
+from hil.check.registry import NotApplicable, Unavailable
 from hil.rig import Rig
 from hil.runs import policy_identity
 from scenarios.draw import Drawn, draw
 from scenarios.spec import Scenario
 from vehicle.airframe import Airframe, load_airframe
+
+if TYPE_CHECKING:
+    from hil.bus_clock import Clock
 
 T = TypeVar("T")
 _STALE_S = 5.0  # a report of a real device older than this is taken anew
@@ -36,7 +39,10 @@ _STALE_S = 5.0  # a report of a real device older than this is taken anew
 
 @dataclass
 class Context:
-    """Rig, policy and scenario of one checklist. `out`: where runs are recorded; `run`: the run to look back on."""
+    """Rig, policy and scenario of one checklist. `out`: where runs are recorded; `run`: the run to look back on.
+
+    `endpoint` and `keys`: the bus of a rig on several hosts.
+    """
 
     rig_name: str
     rig: Rig
@@ -44,6 +50,8 @@ class Context:
     scenario: Scenario
     out: Path
     run: Path | None = None
+    endpoint: str = ""
+    keys: Path | None = None
     _kept: dict[str, Any] = field(default_factory=dict)
     _listened: float = 0.0
 
@@ -90,6 +98,16 @@ class Context:
     def mocap(self) -> MocapReport:
         """A second of motion capture."""
         return self._of("mocap", "mocap", lambda: measure_mocap(self.rig, self.airframe, self.drawn))
+
+    def clocks(self) -> Clock:
+        """This host's clocks against those of the host with the bus's hub."""
+        if not self.endpoint:
+            raise NotApplicable("one host has one clock; for several give --endpoint, the hub of the other")
+        from hil.check.bench_bus import compare_clocks  # Zenoh: only where it is needed
+
+        if "clocks" not in self._kept:
+            self._kept["clocks"] = compare_clocks(self.endpoint, self.keys)
+        return self._kept["clocks"]
 
     def forget(self) -> None:
         """Read every device anew: a check that is repeated must not be told what it was told before."""

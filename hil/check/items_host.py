@@ -71,6 +71,21 @@ def bus(context: Context) -> Reading:
     return Reading(report.median_ms, detail, "zenoh over loopback", ok=False if lost > 0.02 * report.sent else None)
 
 
+@check("host.clock", unit="ms")
+def clock(context: Context) -> Reading:
+    """How well this host's clock is known against the hub's: half the least round trip. The run makes up the offset."""
+    found = context.clocks()
+    detail = "the same clock" if found.shared else f"offset {found.offset_ns * 1e-9:.6f} s"
+    return Reading(0.0 if found.shared else found.error_ns * 1e-6, detail, f"hub at {context.endpoint}")
+
+
+@check("host.date", unit="s")
+def date(context: Context) -> Reading:
+    """How far this host's date is from that of the hub's host: certificates, signatures and file times go by it."""
+    found = context.clocks()
+    return Reading(abs(found.date_ns) * 1e-9, "set both by NTP if it matters", f"hub at {context.endpoint}")
+
+
 def _existing(folder: Path) -> Path:
     folder = folder.resolve()
     while not folder.is_dir():

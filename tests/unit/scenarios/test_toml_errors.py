@@ -44,7 +44,7 @@ class Part(Table):
 
 class Box(Table):
     title: str
-    part: tuple[Part, ...] = ()
+    part: tuple[Part, ...] = Field(default=(), min_length=1)
     shape: list[Annotated[Circle | Line, Field(discriminator="kind")]] = []
     by_name: dict[str, Part] = {}
 
@@ -96,6 +96,13 @@ def test_a_fault_in_an_array_of_tables_is_named(tmp_path, text, says):
         load_toml(path, Store)
     lines = str(error.value).splitlines()
     assert any(line.startswith(f"{path}: ") and says in line for line in lines), lines
+
+
+def test_an_array_is_not_called_short_for_the_faults_within_it():
+    for parts, said in (([{"siz": 1}], "unknown key"), ([], "at least 1 item")):
+        with pytest.raises(ConfigError, match=said) as error:
+            validate({"title": "b", "part": parts}, Box, "here")
+        assert str(error.value).count("here:") == 1
 
 
 def test_outside_of_arrays_nothing_changes(tmp_path):

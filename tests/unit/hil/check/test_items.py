@@ -9,12 +9,14 @@ from made_up import context as make_context
 
 from groundcar.scout_params import load_scout
 from groundcar.scout_sim import ScoutSim
-from hil.bus import BusError
+from hil import bus_clock
+from hil.bus import BusError, open_hub
 from hil.check import bench_bus, bench_camera, bench_car, bench_vehicle
 from hil.check.checklist import load_checklist
 from hil.check.judge import Outcome, judge
 from hil.check.registry import NotApplicable, Unavailable, checks
 from hil.runs import write_json
+from hil.view import free_port
 from scenarios.spec import load
 from vehicle.px4_sim import Px4Sim
 from vehicle.render import Renderer
@@ -59,6 +61,7 @@ def test_a_healthy_simulated_rig_passes_every_item_of_the_preflight(healthy, key
     except NotApplicable as error:
         assert ("built in" in str(error)) is key[0].startswith("policy.")
         assert ("no earlier flight" in str(error)) is (key[0] == "vehicle.parameters_changed")
+        assert ("one clock" in str(error)) is (key[0] in ("host.clock", "host.date"))
     else:
         assert judged.outcome in (Outcome.PASS, Outcome.MARGINAL), judged
 
@@ -331,3 +334,29 @@ class TestPolicy:
         context = replace(make_context(tmp_path), policy=str(tmp_path / "gone.onnx"))
         assert result(context, "policy.contract").outcome is Outcome.FAIL
         assert result(context, "policy.hash").outcome is Outcome.FAIL
+
+
+def test_one_host_has_one_clock(context):
+    for check in ("host.clock", "host.date"):
+        with pytest.raises(NotApplicable, match="--endpoint"):
+            result(context, check)
+
+
+def test_the_clock_of_the_hubs_host_is_measured(context, monkeypatch):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    there = replace(context, endpoint=endpoint, _kept={})
+    with pytest.raises(Unavailable, match="no hub answers"):
+        result(there, "host.clock")
+    monkeypatch.setattr(bus_clock, "clock_id", lambda: b"another host")
+    with open_hub(endpoint):
+        monkeypatch.setattr(bus_clock, "clock_id", lambda: b"this host")
+        reading = checks()["host.clock"].function(there)
+        assert isinstance(reading.value, float)
+        assert 0.0 < reading.value < 50.0 and reading.detail.startswith("offset ")
+        assert result(there, "host.date").outcome is Outcome.PASS
+    far = bus_clock.Clock(10**12, 9_000_000, -2 * 10**9, False)
+    there._kept["clocks"] = far
+    assert result(there, "host.clock").outcome is Outcome.FAIL
+    assert result(there, "host.date").outcome is Outcome.MARGINAL
+    there._kept["clocks"] = far._replace(shared=True)
+    assert result(there, "host.clock").outcome is Outcome.PASS
