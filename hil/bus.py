@@ -7,11 +7,7 @@ A message travels as the protobuf bytes of `hil/codec.py`, with the publisher's 
 from __future__ import annotations
 
 import json
-import os
-import select
-import struct
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -19,14 +15,13 @@ from typing import Any, NamedTuple
 
 import zenoh
 
-from hil.codec import CodecError, codec
+from hil.bus_clock import ClockWatch, answer_clock
+from hil.codec import codec
+from hil.mailbox import PICTURES, STAMP, Letter, Mailbox
 from hil.topics import TOPICS, may_read
 
-TOPIC, CONTROL, HEALTH, CLOCK = "perch/topic/", "perch/control", "perch/health/", "perch/clock"
+TOPIC, CONTROL, HEALTH = "perch/topic/", "perch/control", "perch/health/"
 OBSERVERS = ("recorder", "supervisor", "status")  # of the harness, never of a slot: they read every topic
-PICTURES = "camera/image"
-_DEPTH = 256  # messages kept of a topic while its reader is busy; pictures: the newest only
-_STAMP = struct.Struct("<qQ")
 
 
 class BusError(RuntimeError):
@@ -41,13 +36,9 @@ class Credentials(NamedTuple):
     key: Path
 
 
-class Letter(NamedTuple):
-    """A message as it came. `published_ns` is the run's time by the publisher's clock."""
-
-    topic: str
-    published_ns: int
-    sequence: int
-    message: Any
+def credentials_in(folder: Path, identity: str) -> Credentials:
+    """Where the files of `identity` lie in a folder of `perch-hil keys`."""
+    return Credentials(folder / "ca.crt", folder / f"{identity}.crt", folder / f"{identity}.key")
 
 
 def _settings(**values: Any) -> zenoh.Config:
@@ -94,80 +85,8 @@ def open_hub(
             "that port? Stop it, or give another with --listen"
         ) from None
 
-    def answer(query: zenoh.Query) -> None:
-        query.reply(CLOCK, _STAMP.pack(time.monotonic_ns(), 0), attachment=boot_id())
-
-    session.declare_queryable(CLOCK, zenoh.handlers.Callback(answer, indirect=False))
+    answer_clock(session)
     return session
-
-
-def boot_id() -> bytes:
-    """Names this boot of this machine: processes that share it share the monotonic clock."""
-    return Path("/proc/sys/kernel/random/boot_id").read_bytes().strip()
-
-
-class Mailbox:
-    """Letters for one service. Callbacks only append; the newest picture wins; `wait` sleeps until something comes."""
-
-    def __init__(self, depth: int = _DEPTH, pictures: int = 1) -> None:
-        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted."""
-        self._depth, self._pictures = depth, pictures
-        self._queues: dict[str, deque[tuple[int, bytes, bytes]]] = {}
-        self._arrivals = 0
-        self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self.dropped: dict[str, int] = {}
-        self.lost: dict[str, int] = {}  # numbers missing in what arrived
-        self.garbage = 0
-        self._expected: dict[str, int] = {}
-
-    def put(self, topic: str, payload: bytes, stamp: bytes) -> None:
-        """Called by the bus's threads."""
-        queue = self._queues.get(topic)
-        if queue is None:
-            queue = self._queues.setdefault(topic, deque(maxlen=self._pictures if topic == PICTURES else self._depth))
-        if len(queue) == queue.maxlen:
-            self.dropped[topic] = self.dropped.get(topic, 0) + 1
-        self._arrivals += 1
-        queue.append((self._arrivals, payload, stamp))
-        self.wake()
-
-    def wake(self) -> None:
-        """End a `wait` now."""
-        with suppress(BlockingIOError, OSError):
-            os.eventfd_write(self._fd, 1)
-
-    def wait(self, timeout_ns: int) -> None:
-        """Sleep until a letter comes, at most `timeout_ns`."""
-        select.select([self._fd], [], [], max(0, timeout_ns) * 1e-9)
-        with suppress(BlockingIOError):
-            os.eventfd_read(self._fd)
-
-    def drain(self) -> list[Letter]:
-        """What has come, in the order of arrival. What is no message of its topic is counted in `garbage`."""
-        found: list[tuple[int, str, bytes, bytes]] = []
-        for topic, queue in list(self._queues.items()):
-            while queue:
-                arrival, payload, stamp = queue.popleft()
-                found.append((arrival, topic, payload, stamp))
-        return [letter for item in sorted(found) if (letter := self._open(*item)) is not None]
-
-    def _open(self, _: int, topic: str, payload: bytes, stamp: bytes) -> Letter | None:
-        try:
-            published_ns, sequence = _STAMP.unpack(stamp)
-            message = codec(TOPICS[topic].message).decode(payload)
-        except (struct.error, CodecError, KeyError):
-            self.garbage += 1
-            return None
-        gap = sequence - self._expected.get(topic, sequence)
-        if gap > 0 and topic != "event":  # events have several publishers
-            self.lost[topic] = self.lost.get(topic, 0) + gap
-        self._expected[topic] = sequence + 1
-        return Letter(topic, published_ns, sequence, message)
-
-    def close(self) -> None:
-        """Free the descriptor."""
-        with suppress(OSError):
-            os.close(self._fd)
 
 
 class Publisher:
@@ -187,7 +106,7 @@ class Publisher:
     def put(self, now_ns: int, message: Any) -> int:
         """Publish; returns the message's number. Raises CodecError for a value the message cannot hold."""
         sequence, self._sequence = self._sequence, self._sequence + 1
-        self._publisher.put(self._codec.encode(message), attachment=_STAMP.pack(now_ns, sequence))
+        self._publisher.put(self._codec.encode(message), attachment=STAMP.pack(now_ns, sequence))
         return sequence
 
 
@@ -200,7 +119,14 @@ class Bus:
         try:
             self._session = zenoh.open(_settings(mode="client", **more, **_tls(credentials, "connect")))
         except zenoh.ZError:
-            hint = "" if credentials is None else ", or it does not accept this certificate"
+            hint = ""
+            if credentials is not None:
+                hint = (
+                    f", or is {credentials.certificate} of another authority than the hub's, or does the hub's "
+                    "certificate not name this address (`perch-hil keys --host`)?"
+                )
+            elif endpoint.startswith("tls/"):
+                hint = "; one that listens on tls/ lets nobody in without --keys"
             raise BusError(f"no hub answers at {endpoint}: start one with `perch-hil hub`{hint}") from None
         self._publishers: dict[str, Publisher] = {}
 
@@ -263,27 +189,9 @@ class Bus:
 
         self._listen(key, parse)
 
-    def clock_offset(self, tries: int = 15) -> tuple[int, int]:
-        """(the hub's monotonic clock less ours, half the best round trip that bounds its error), ns.
-
-        Exactly (0, 0) within one boot of one machine. Raises BusError if the hub does not answer.
-        """
-        best: tuple[int, int] | None = None
-        for _ in range(tries):
-            began = time.monotonic_ns()
-            for reply in self._session.get(CLOCK, timeout=1.0):
-                ended = time.monotonic_ns()
-                if reply.ok is None:
-                    continue
-                if reply.ok.attachment is not None and reply.ok.attachment.to_bytes() == boot_id():
-                    return 0, 0
-                theirs = _STAMP.unpack(reply.ok.payload.to_bytes())[0]
-                half = (ended - began) // 2
-                if best is None or half < best[1]:
-                    best = theirs - began - half, half
-        if best is None:
-            raise BusError("the hub does not tell its clock: is it a hub of perch-hil?")
-        return best
+    def clock(self) -> ClockWatch:
+        """Compares this host's clocks with the hub's."""
+        return ClockWatch(self._session)
 
     def _listen(self, key: str, take: Callable[[zenoh.Sample], None]) -> None:
         self._session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
@@ -298,3 +206,9 @@ class Bus:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+__all__ = [
+    "CONTROL", "HEALTH", "OBSERVERS", "TOPIC", "Bus", "BusError", "Credentials", "Letter", "Mailbox",
+    "credentials_in", "open_hub",
+]  # fmt: skip

@@ -59,7 +59,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line asked for. `remote` and `endpoint` are the live host's."""
+    """What the command line asked for. `remote`, `endpoint` and `keys` are the live host's."""
 
     scenario: str
     rig: str
@@ -73,6 +73,7 @@ class Request:
     live: bool = False
     remote: tuple[str, ...] = ()
     endpoint: str | None = None
+    keys: Path | None = None
     view: bool = False
 
 
@@ -85,6 +86,7 @@ def fly_seeds(request: Request, seeds: Sequence[int]) -> int:
             raise ConfigError(f"seed {seeds[-1]} is out of range: use 0 to {MAX_SEED}")
         if not plan.rig.simulated and not request.live:
             raise ConfigError(f'rig "{request.rig}" has real devices, which keep real time: add --live')
+        _check_live(request, plan)
     except (ConfigError, ContractError, ValueError) as error:
         print(f"perch-hil: {error}", file=sys.stderr)
         return USAGE
@@ -114,6 +116,18 @@ def fly_seeds(request: Request, seeds: Sequence[int]) -> int:
     if len(seeds) > 1 and not request.as_json:
         Console().print(seeds_table(plan.scenario, [flight.score for flight in flights]))
     return _exit_code(flights)
+
+
+def _check_live(request: Request, plan: Plan) -> None:
+    """Raises ConfigError or KeysError for options of the live host that do not go together."""
+    if not request.live:
+        given = [f"--{name}" for name in ("remote", "endpoint", "keys") if getattr(request, name)]
+        if given:
+            raise ConfigError(f"{', '.join(given)}: only a live run has a bus: add --live")
+        return
+    from hil.host.live_options import check_options
+
+    check_options(plan.rig, request.remote, request.endpoint, request.keys, viewed=request.view)
 
 
 def _exit_code(flights: Sequence[Flight]) -> int:
@@ -180,6 +194,7 @@ def _fly_one(
             live = fly_live(
                 plan, names, seed, pictures=request.pictures, out=request.out, code=code,
                 clearance=clearance.manifest(), progress=progress, remote=request.remote, endpoint=endpoint,
+                keys=request.keys,
             )  # fmt: skip
         return live.flight, live.summary
 

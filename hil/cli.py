@@ -69,6 +69,7 @@ def run(
         list[str] | None, typer.Option(help="live: a service that another host serves (`perch-hil node`)")
     ] = None,
     endpoint: Annotated[str | None, typer.Option(help="live: the hub's endpoint [default: a free local port]")] = None,
+    keys: Annotated[Path | None, typer.Option(help="live: folder of `perch-hil keys`, which closes the bus")] = None,
     checks: Annotated[Path, typer.Option(help="where signed checklist records lie")] = Path("checks"),
     view: Annotated[bool, typer.Option("--view", help="watch it in Rerun while it flies")] = False,
     override: Annotated[
@@ -99,6 +100,7 @@ def run(
         live=live,
         remote=tuple(remote or ()),
         endpoint=endpoint,
+        keys=keys,
         view=view,
     )
     code = fly_seeds(request, wanted)

@@ -1,4 +1,4 @@
-"""Commands around the live host: `hub`, `node`, `status`, `rig`, `replay`; and how `run --live` tells its timing."""
+"""Commands around live runs: `rig`, `replay`, and how a run tells its times. Those of the bus: hil/cli_bus.py."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
+
+from hil import cli_bus
 
 USAGE, COULD_NOT_RUN = 2, 3
-_ENDPOINT = "tcp/127.0.0.1:7447"
 
 
 def live_lines(table: dict[str, Any]) -> list[str]:
     """How a live run kept time, as lines of text."""
     from hil.host.live_latency import bars
+    from hil.host.live_time import clock_lines
 
     lines, latency = [], table["exposure_to_action"]
     if latency["count"]:
@@ -37,14 +38,13 @@ def live_lines(table: dict[str, Any]) -> list[str]:
                 f"{node:15s} {pace['steps']:6d} steps  {pace['late']:5d} late  {pace['missed']:5d} missed  worst "
                 f"{pace['worst_ns'] / 1e6:7.1f} ms  {lost:4d} messages lost or dropped by {service}"
             )
+        lines += clock_lines(service, one.get("clock", {}))
     return lines + table["remarks"]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    app.command("hub")(hub)
-    app.command("node")(node)
-    app.command("status")(status)
+    cli_bus.register(app)
     app.command("replay")(replay)
     rigs = typer.Typer(no_args_is_help=True, help="Rigs: what fills each slot.")
     rigs.command("check")(rig_check)
@@ -55,73 +55,6 @@ def register(app: typer.Typer) -> None:
 def _fail(text: str, code: int = USAGE) -> typer.Exit:
     print(f"perch-hil: {text}", file=sys.stderr)
     return typer.Exit(code)
-
-
-def hub(
-    listen: Annotated[str, typer.Option(help="tcp/HOST:PORT; give this host's address to let others in")] = _ENDPOINT,
-) -> None:
-    """Serve the bus until Ctrl-C. Everybody who can reach the port can use it: keep it on a closed network."""
-    from hil.bus import BusError
-    from hil.host.live_hub import serve_hub
-
-    print(f"hub on {listen}, end it with Ctrl-C", file=sys.stderr)
-    try:
-        serve_hub(listen, None, None, with_parent=False)
-    except BusError as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
-
-
-def node(
-    service: Annotated[str, typer.Argument(help="a service of the rig: see `perch-hil rig check RIG`")],
-    scenario: Annotated[str, typer.Option(help="the run's scenario")],
-    rig: Annotated[str, typer.Option(help="the run's rig")] = "sim",
-    seed: Annotated[int, typer.Option(help="the run's seed")] = 0,
-    policy: Annotated[str | None, typer.Option(help="planner, planner-analytic or an .onnx")] = None,
-    connect: Annotated[str, typer.Option(help="the hub's endpoint")] = _ENDPOINT,
-) -> None:
-    """Serve one piece of a live run on this host, for one run started elsewhere with --remote."""
-    from hil.bus import BusError
-    from hil.host.live_main import serve
-    from hil.host.live_spec import LiveSpec
-    from hil.host.live_wires import free_ports
-    from hil.wires import WireError
-
-    try:
-        spec = LiveSpec(
-            scenario=scenario, rig=rig, policy=policy, camera=None, seed=seed, endpoint=connect, ports=free_ports(),
-            pictures="none", folder=None,
-        )  # fmt: skip
-        services = spec.services()
-        if service not in services:
-            raise ValueError(f"rig {rig} has no service {service!r}; it has {', '.join(services)}")
-        if {"vehicle_device", "car_device"} & set(services[service]):
-            raise ValueError("a simulated device stays on the host of its driver: they share a local wire")
-        code = serve(spec, service, services[service])
-    except ValueError as error:
-        raise _fail(str(error)) from None
-    except (BusError, WireError) as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
-    raise typer.Exit(code)
-
-
-def status(
-    connect: Annotated[str, typer.Option(help="the hub's endpoint")] = _ENDPOINT,
-    seconds: Annotated[float, typer.Option(min=0.5, max=60, help="how long to listen")] = 2.0,
-) -> None:
-    """Who is up on a bus, and every topic's rate and age against the contract.
-
-    Exit code: 0 if every topic that is published keeps its age, 1 if one does not, 3 without a hub.
-    """
-    from hil.bus import BusError
-    from hil.status import listen, status_tables
-
-    try:
-        seen = listen(connect, seconds)
-    except BusError as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
-    for table in status_tables(seen):
-        Console().print(table)
-    raise typer.Exit(0 if seen.fresh else 1)
 
 
 def replay(

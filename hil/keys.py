@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hil.bus import CLOCK, CONTROL, HEALTH, OBSERVERS, TOPIC
+from hil.bus import CONTROL, HEALTH, OBSERVERS, TOPIC
+from hil.bus_clock import CLOCK
 from hil.topics import TOPICS, may_read
 
 # What each node publishes; tests hold it to the nodes themselves.
@@ -21,7 +22,7 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "director": ("run/stage",),
     "referee": ("referee/contact",),
     "car_follower": ("car/reference", "car/command"),
-    "car_link": ("car/feedback",),
+    "car_link": ("car/feedback", "car/sent"),
     "camera": ("camera/image", "board/detection"),
     "detector": ("board/detection",),
     "vehicle_link": (
@@ -41,20 +42,23 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     rules, subjects, policies = [], [], []
 
     def allow(service: str, publish: list[str], hear: list[str]) -> None:
-        both = {"permission": "allow"}
-        rules.append({"id": f"{service}-in", "messages": ["put"], "flows": ["ingress"], "key_exprs": publish, **both})
-        rules.append({"id": f"{service}-out", "messages": ["put"], "flows": ["egress"], "key_exprs": hear, **both})
-        rules.append(
-            {
-                "id": f"{service}-sub",
-                "messages": ["declare_subscriber"],
-                "flows": ["ingress"],
-                "key_exprs": hear,
-                **both,
-            }
-        )
+        for what, message, flow, keys in (
+            ("in", "put", "ingress", publish),
+            ("out", "put", "egress", hear),
+            ("sub", "declare_subscriber", "ingress", hear),
+            ("wanted", "declare_subscriber", "egress", publish),  # a publisher that hears of no reader stays silent
+        ):
+            rules.append(
+                {
+                    "id": f"{service}-{what}",
+                    "messages": [message],
+                    "flows": [flow],
+                    "key_exprs": keys,
+                    "permission": "allow",
+                }
+            )
         subjects.append({"id": service, "cert_common_names": [service]})
-        own = [f"{service}-in", f"{service}-out", f"{service}-sub"]
+        own = [f"{service}-{what}" for what in ("in", "out", "sub", "wanted")]
         policies.append({"rules": [*own, "clock"], "subjects": [service]})
 
     everything = [TOPIC + topic for topic in TOPICS]
@@ -66,11 +70,13 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         outputs = {t for node in nodes for t in OUTPUTS[node]}
         if "vehicle_link" in nodes and any("vehicle_device" in others for others in services.values()):
             outputs.discard("truth/vehicle")  # it stands for the truth only where nothing else tells it
+        if "camera" in nodes and any("detector" in others for others in services.values()):
+            outputs.discard("board/detection")  # it sees the board only where nobody looks at its pictures
         publish = sorted({TOPIC + t for t in outputs} | {TOPIC + "event", HEALTH + service})
         hear = sorted({TOPIC + t for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
         allow(service, publish, hear)
     for observer in OBSERVERS:
-        say = [HEALTH + observer, *([CONTROL] if observer == "supervisor" else [])]
+        say = [HEALTH + observer, *([CONTROL, TOPIC + "event"] if observer == "supervisor" else [])]
         allow(observer, say, [*everything, HEALTH + "*", CONTROL])
     return {
         "enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies,

@@ -3,95 +3,50 @@
 Nothing is restarted in flight. A process that ends, or whose topics grow old, is an abort: every service that is left
 is told, and brings what it drives to its safe state: the vehicle's driver hands back to the autopilot, which lands; the
 car's driver commands zero speed. If it is one of those two that is gone, silence does the same: the autopilot's
-failsafe and the car's own watchdog act on it.
+failsafe and the car's own watchdog act on it. If the hub is gone, or the supervisor itself, everybody hears that
+nobody speaks any more and does by himself what he would have been told.
 """
 
 from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from hil.bus import CONTROL, HEALTH, Bus, BusError
+from hil.host.live_time import clock_fault
+from hil.service_process import Process
 from hil.topics import TOPICS
 
 AGE_LIMIT_S = 1.0  # a topic silent for longer than this, or ten times its contract's age, is an abort
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
+_MUTE_S = 0.9  # services say their health twice a second
+_BEAT_S = 0.2
 _STOP_S = 4.0
 _QUIET = ("camera/image", "vehicle/sent")  # big, or silent by design once the gate or the referee has spoken
-_ENVIRONMENT = {
-    # one thread a process: they are many; freed picture buffers stay with the process instead of being mapped anew
-    **dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
-    **dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "MALLOC_TOP_PAD_"), "67108864"),
-}
 
 
 class SupervisorError(RuntimeError):
     """The services could not be brought up; the text says which and why."""
 
 
-class Process:
-    """One service's process; its output goes to `log`."""
-
-    def __init__(self, name: str, command: list[str], log: Path) -> None:
-        self.name, self.log = name, log
-        with log.open("wb") as file:
-            self._popen = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
-                env={**os.environ, **_ENVIRONMENT}, start_new_session=True,
-            )  # fmt: skip
-        self.pid = self._popen.pid
-
-    def ended(self) -> int | None:
-        """Exit code (negative: the signal), or None while it runs."""
-        return self._popen.poll()
-
-    def last_words(self) -> str:
-        """The last line it wrote."""
-        lines = self.log.read_text(errors="replace").strip().splitlines()
-        return lines[-1].removeprefix("perch-hil: ") if lines else ""
-
-    def why(self) -> str:
-        """How it ended, in words."""
-        code = self.ended()
-        if code is None:
-            return f"{self.name} runs"
-        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-        words = self.last_words()
-        return f"{self.name} {how}" + (f": {words}" if words else "")
-
-    def end(self, patience_s: float) -> str:
-        """Wait `patience_s`, then SIGTERM, then SIGKILL. Returns what it took beyond patience."""
-        try:
-            self._popen.wait(patience_s)
-            return ""
-        except subprocess.TimeoutExpired:
-            pass
-        for number in (signal.SIGTERM, signal.SIGKILL):
-            self._popen.send_signal(number)
-            try:
-                self._popen.wait(2.0)
-                return f"{self.name} had to be stopped with {number.name}"
-            except subprocess.TimeoutExpired:
-                continue
-        return f"{self.name} cannot be stopped"
-
-
 class Supervisor:
     """The processes of one run. Use as a context manager: leaving it leaves no process behind."""
 
-    def __init__(self, spec: Path, endpoint: str, logs: Path) -> None:
+    def __init__(self, spec: Path, endpoint: str, logs: Path, remote: Sequence[str] = (), serves: str = "") -> None:
+        """Services in `remote` are started by others, and must be built for the run whose digest is `serves`."""
         self._spec, self._endpoint, self._logs = spec, endpoint, logs
+        self._remote, self._serves = [s for s in remote if s != "hub"], serves
         self._processes: dict[str, Process] = {}
         self._bus: Bus | None = None
         self.health: dict[str, dict[str, Any]] = {}
         self._heard: dict[str, int] = {}
         self._started_ns = 0
+        self._beaten_s = 0.0
         self.remarks: list[str] = []
 
     def start(self, service: str) -> None:
@@ -120,10 +75,13 @@ class Supervisor:
     def wait_ready(
         self, services: Iterable[str], limit_s: float = READY_LIMIT_S, waiting: Callable[[list[str]], None] = print
     ) -> None:
-        """Until all are ready. Raises SupervisorError naming who ended, or who is not ready in time."""
+        """Until all are ready. Raises SupervisorError naming who ended, who is not ready in time, and a service of
+        another host that was built for another run or whose clock cannot be compared."""
         services, until = list(services), time.monotonic() + limit_s
         while True:
+            self.beat()
             missing = [s for s in services if self.health.get(s, {}).get("state") != "ready"]
+            self._check_remote()
             if not missing:
                 return
             self._check_ended()
@@ -132,28 +90,62 @@ class Supervisor:
             waiting(missing)
             time.sleep(0.1)
 
-    def go(self, delay_s: float = 0.6) -> int:
-        """Start the run's clock `delay_s` from now, everywhere; returns its zero on the monotonic clock (ns)."""
+    def _check_remote(self) -> None:
+        for service, table in self.health.items():
+            if service not in self._remote:
+                continue
+            if table.get("serves") != self._serves:
+                raise SupervisorError(
+                    f"{service} was started for another run: give `perch-hil node` the same scenario, rig, camera, "
+                    "policy and seed"
+                )
+            fault = clock_fault(service, table.get("clock", {}))
+            if fault:
+                raise SupervisorError(fault)
+
+    def go(self, delay_s: float = 0.6, ahead_ns: int = 0) -> int:
+        """Start the run's clock `delay_s` from now, everywhere; returns its zero on the monotonic clock (ns).
+
+        `ahead_ns`: the hub's monotonic clock less ours.
+        """
         assert self._bus is not None
         self._started_ns = time.monotonic_ns() + round(delay_s * 1e9)
-        self._bus.say(CONTROL, {"order": "go", "epoch_ns": self._started_ns})
+        self._bus.say(CONTROL, {"order": "go", "epoch_ns": self._started_ns + ahead_ns})
         return self._started_ns
 
+    def beat(self) -> None:
+        """Say that we are there; to be called several times a second."""
+        now = time.monotonic()
+        if self._bus is not None and now - self._beaten_s > _BEAT_S:
+            self._beaten_s = now
+            self._bus.say(CONTROL, {"order": "watch"})
+
     def trouble(self) -> str:
-        """Who ended, or which topic or service has fallen silent since the start; empty while all is well."""
+        """Who ended, or who has fallen silent since the start; empty while all is well."""
         for process in self._processes.values():
             if process.ended() is not None:
                 return process.why()
         now = time.monotonic_ns()
         if now < self._started_ns:
             return ""
-        for service, table in list(self.health.items()):
-            if service in self._processes and now - table["heard_ns"] > (AGE_LIMIT_S + 1.0) * 1e9:
-                return f"{service} does not answer: silent for {(now - table['heard_ns']) / 1e9:.1f} s"
-        for topic, heard_ns in list(self._heard.items()):
-            if now - heard_ns > max(AGE_LIMIT_S * 1e9, TOPICS[topic].max_age_ms * 1e7):
-                return f"{self._producer(topic)} is silent on {topic} for {(now - heard_ns) / 1e9:.1f} s"
+        ages = {s: (now - self.health[s]["heard_ns"]) * 1e-9 for s in self._watched() if s in self.health}
+        silent = {
+            topic: (now - heard_ns) * 1e-9
+            for topic, heard_ns in list(self._heard.items())
+            if now - heard_ns > max(AGE_LIMIT_S * 1e9, TOPICS[topic].max_age_ms * 1e7)
+        }
+        mute = {service: age for service, age in ages.items() if age > _MUTE_S}
+        if (silent or max(mute.values(), default=0.0) > AGE_LIMIT_S + 1.0) and len(mute) == len(ages) > 1:
+            return f"hub does not answer: nothing has come from anybody for {min(ages.values()):.1f} s"
+        if mute and (silent or max(mute.values()) > AGE_LIMIT_S + 1.0):
+            service = max(mute, key=lambda name: mute[name])
+            return f"{service} does not answer: silent for {mute[service]:.1f} s"
+        for topic, age in silent.items():
+            return f"{self._producer(topic)} is silent on {topic} for {age:.1f} s"
         return ""
+
+    def _watched(self) -> list[str]:
+        return [*(name for name in self._processes if name != "hub"), *self._remote]
 
     def _producer(self, topic: str) -> str:
         for service, table in self.health.items():
@@ -167,32 +159,76 @@ class Supervisor:
         self._bus.say(CONTROL, {"order": "abort", "why": why})
 
     def safe(self, service: str) -> bool:
-        """Whether `service` says that what it drives is safe; True if it can say nothing any more."""
+        """Whether `service` says that what it drives is safe; True if it has ended or can say nothing any more."""
         process, table = self._processes.get(service), self.health.get(service)
-        if process is None or process.ended() is not None or table is None:
+        if (process is None and service not in self._remote) or table is None:
             return True
+        if process is not None and process.ended() is not None:
+            return True
+        if self._alone(process):
+            return False
         silent = time.monotonic_ns() - table["heard_ns"] > 3e9
         return silent or bool(table.get("safe", True))
+
+    def _alone(self, process: Process | None) -> bool:
+        """The hub is gone and the service, which was well, is left to itself: it ends once it is safe."""
+        hub = self._processes.get("hub")
+        return process is not None and hub is not None and hub.ended() is not None and not process.stopped()
+
+    def drop_hub(self) -> None:
+        """End a hub that does not answer, so that everybody notices at once."""
+        hub = self._processes.get("hub")
+        if hub is not None:
+            hub.end(0.0)
 
     def stop(self) -> None:
         """Stop in reverse order of starting, the recorder after all services, the hub last."""
         order = [s for s in reversed(self._processes) if s not in ("recorder", "hub")]
+        for service in self._remote:
+            self._say_stop(service)
         for service in [*order, "recorder", "hub"]:
             process = self._processes.get(service)
             if process is None:
                 continue
-            if self._bus is not None and process.ended() is None and service != "hub":
-                self._bus.say(CONTROL, {"order": "stop", "service": service})
             if service == "hub":
-                if self._bus is not None:
-                    self._bus.close()
-                    self._bus = None
+                self._await_remote()
+                self._leave()
                 if process.ended() is None:
                     os.kill(process.pid, signal.SIGTERM)
-            remark = process.end(_STOP_S)
+            elif process.ended() is None:
+                self._say_stop(service)
+            remark = process.end(_STOP_S if self._hub_lives() else 0.0, self.beat)
             if remark:
                 self.remarks.append(remark)
         self._processes.clear()
+        self._leave()
+
+    def _say_stop(self, service: str) -> None:
+        if self._bus is not None:
+            self._bus.say(CONTROL, {"order": "stop", "service": service})
+
+    def _hub_lives(self) -> bool:
+        hub = self._processes.get("hub")
+        return hub is None or hub.ended() is None
+
+    def _await_remote(self) -> None:
+        """Give the others a moment to say that they have stopped."""
+        until = time.monotonic() + _STOP_S
+        while self._hub_lives() and time.monotonic() < until:
+            left = [s for s in self._remote if self.health.get(s, {}).get("state", "stopped") != "stopped"]
+            if not left:
+                return
+            time.sleep(0.05)
+        self.remarks += [
+            f"{s} on its other host did not say that it stopped"
+            for s in self._remote
+            if self.health.get(s, {}).get("state", "stopped") != "stopped"
+        ]
+
+    def _leave(self) -> None:
+        if self._bus is not None:
+            self._bus.close()
+            self._bus = None
 
     def _check_ended(self) -> None:
         for process in self._processes.values():
@@ -208,36 +244,4 @@ class Supervisor:
         finally:
             for process in self._processes.values():
                 process.end(0.0)
-            if self._bus is not None:
-                self._bus.close()
-
-
-def remove_orphaned_memory(since: float) -> list[str]:
-    """Shared-memory files of the bus, made after `since` (Unix time), that no process holds any more: removed.
-
-    Returns their names. Hard ends leave them behind.
-    """
-    folder, removed = Path("/dev/shm"), []
-    mine = [p for p in folder.glob("*.zenoh") if _is_ours(p, since)]
-    if not mine:
-        return removed
-    held: set[str] = set()
-    for maps in Path("/proc").glob("[0-9]*/maps"):
-        try:
-            text = maps.read_text()
-        except OSError:
-            continue
-        held.update(p.name for p in mine if str(p) in text)
-    for path in mine:
-        if path.name not in held:
-            path.unlink(missing_ok=True)
-            removed.append(path.name)
-    return removed
-
-
-def _is_ours(path: Path, since: float) -> bool:
-    try:
-        status = path.stat()
-    except OSError:
-        return False
-    return status.st_uid == os.getuid() and status.st_mtime >= since
+            self._leave()

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hil.bus import CONTROL, HEALTH, Bus, Mailbox
+from hil.host.live_presence import Presence, footprint
+from hil.host.live_time import RunTime
 from hil.messages import Event
 from hil.node import Inbox, Node, Out
 from hil.receipts import ReceiptBook
@@ -22,6 +24,8 @@ from hil.receipts import ReceiptBook
 LATE_NS = 2_000_000  # a step that begins this long after its deadline is late
 _HEALTH_NS = 500_000_000
 _IDLE_NS = 100_000_000
+_SAFE_LIMIT_NS = 20_000_000_000
+_LINGER_NS = 1_000_000_000  # after an abort of its own a service stays for so long at least: zero speed has to be sent
 
 
 @dataclass
@@ -58,12 +62,17 @@ class LiveService:
         name: str,
         nodes: Sequence[Node],
         bus: Bus,
+        run_time: RunTime,
         *,
+        presence: Presence | None = None,
         book: ReceiptBook | None = None,
         trouble: Callable[[], list[str]] = list,
         counters: Callable[[], dict[str, int]] = dict,
+        serves: str = "",
     ) -> None:
-        self.name, self._bus, self._book = name, bus, book
+        """`presence` watches for the supervisor; `serves` is the digest of the run that this process was built for."""
+        self.name, self._bus, self._book, self._time, self._serves = name, bus, book, run_time, serves
+        self._presence = presence or Presence()
         self._trouble, self._counters = trouble, counters
         self._seats = [_Seat(n, Inbox(n.inputs), {t: [] for t in n.inputs}) for n in nodes]
         self._readers: dict[str, list[int]] = {}
@@ -80,19 +89,20 @@ class LiveService:
         bus.announce(sorted(produced))
         self._orders: list[dict[str, Any]] = []
         bus.hear(CONTROL, self._order)
-        self._epoch_ns: int | None = None
         self._delayed: list[tuple[int, int, Out]] = []
         self._ticks: list[tuple[int, int]] = []
         self._serial = 0
         self._health_ns = 0
         self._stop = self._gone = False
         self._abort_ns: int | None = None
+        self._why = ""
         self._said: set[str] = set()
-        self._parent = os.getppid()
 
     def _order(self, table: dict[str, Any]) -> None:
-        self._orders.append(table)
-        self._mailbox.wake()
+        self._presence.heard()
+        if table.get("order") != "watch":
+            self._orders.append(table)
+            self._mailbox.wake()
 
     def stop(self) -> None:
         """End as soon as the step under way is done (safe in a signal handler)."""
@@ -104,28 +114,25 @@ class LiveService:
         self._health_ns = 0
         self._mailbox.wake()
 
-    def wait_for_go(self, offset_ns: int = 0) -> bool:
-        """Say "ready" until the supervisor gives the run's start. `offset_ns`: the hub's clock less ours.
-
-        False if told to stop instead, or if the supervisor is gone.
-        """
+    def wait_for_go(self) -> bool:
+        """Say "ready" until the supervisor gives the run's start. False if told to stop, or if nobody is there to."""
         while not self._stop:
+            self._time.tick()
             self._tell(0, "ready")
             self._mailbox.wait(_IDLE_NS)
             for order in self._take_orders():
                 if order.get("order") == "go":
-                    self._epoch_ns = int(order["epoch_ns"]) - offset_ns
-            if self._epoch_ns is not None:
+                    self._time.begin(int(order["epoch_ns"]))
+            if self._time.begun:
                 self._mailbox.drain()
                 self._mailbox.lost.clear()
                 return True
-            if os.getppid() != self._parent:
+            if self._presence.gone():
                 return False
         return False
 
     def run(self) -> None:
         """Step the nodes from the run's start until stopped, aborted or orphaned."""
-        assert self._epoch_ns is not None, "wait_for_go comes first"
         self._ticks = [(0, rank) for rank, seat in enumerate(self._seats) if seat.node.period_ns]
         heapq.heapify(self._ticks)
         while not self._stop:
@@ -151,29 +158,42 @@ class LiveService:
         now = self._now()
         if now >= self._health_ns:
             self._health_ns = now + _HEALTH_NS
-            self._tell(now, "aborted" if self._abort_ns is not None else "running")
-            self._complain(now)
-            if os.getppid() != self._parent and not self._gone:
-                self._gone = True
-                self._abort("the supervisor is gone")
-        if self._gone and self._abort_ns is not None and self._safe(now):
+            self._look_around(now)
+        if self._gone and self._safe(now):
             self._stop = True
+
+    def _look_around(self, now_ns: int) -> None:
+        self._time.tick()
+        self._tell(now_ns, "aborted" if self._abort_ns is not None else "running")
+        for text in self._trouble():
+            self._complain(now_ns, "error", text)
+        for text in self._time.remarks():
+            self._complain(now_ns, "warning", text)
+        gone = self._presence.gone()
+        if gone and not self._gone:
+            self._gone = True
+            self._abort(gone)
 
     def _abort(self, why: str) -> None:
         """Bring every node that has something to make safe to its safe state."""
-        self._abort_ns = self._now()
+        if self._abort_ns is None:
+            self._abort_ns, self._why = self._now(), why
+            print(f"{self.name}: aborted at {self._abort_ns / 1e9:.3f} s: {why}", flush=True)
         for seat in self._seats:
             make_safe = getattr(seat.node, "abort", None)
             if make_safe is not None:
                 make_safe(why)
 
+    def _nodes_safe(self) -> bool:
+        return all(getattr(seat.node, "safe", True) for seat in self._seats)
+
     def _safe(self, now_ns: int) -> bool:
-        """Nothing here has to be flown on: everything is safe, or has had 20 s to become so."""
-        assert self._abort_ns is not None
-        return now_ns - self._abort_ns > 20_000_000_000 or all(getattr(s.node, "safe", True) for s in self._seats)
+        """Nothing here has to be flown on: everything is safe, or has had its time to become so."""
+        since_ns = now_ns - (self._abort_ns if self._abort_ns is not None else now_ns)
+        return since_ns > _SAFE_LIMIT_NS or (since_ns > _LINGER_NS and self._nodes_safe())
 
     def _now(self) -> int:
-        return time.monotonic_ns() - (self._epoch_ns or 0)
+        return self._time.now()
 
     def _take_orders(self) -> list[dict[str, Any]]:
         orders = []
@@ -207,13 +227,11 @@ class LiveService:
 
     def _step(self, rank: int, now_ns: int) -> None:
         seat = self._seats[rank]
-        if self._book is not None:
-            consumed: list[int] = []
-            for topic in seat.node.inputs:
-                numbers = seat.numbers[topic]
-                consumed += (len(numbers), *numbers)
-                numbers.clear()
-            self._book.add(seat.node.name, now_ns, consumed)
+        consumed: list[int] = []
+        for topic in seat.node.inputs:
+            numbers = seat.numbers[topic]
+            consumed += (len(numbers), *numbers)
+            numbers.clear()
         began = time.monotonic_ns()
         outs = seat.node.step(now_ns, seat.inbox)
         seat.pace.busy_ns += time.monotonic_ns() - began
@@ -225,6 +243,8 @@ class LiveService:
                 heapq.heappush(self._delayed, (now_ns + out.delay_ns, self._serial, out))
             else:
                 self._publish(out)
+        if self._book is not None:  # last: nobody waits for it
+            self._book.add(seat.node.name, now_ns, consumed)
 
     def _publish(self, out: Out) -> None:
         number = self._bus.publish(self._now(), out.topic, out.message)
@@ -234,11 +254,10 @@ class LiveService:
         for rank in self._wakes.get(out.topic, ()):
             self._step(rank, self._now())
 
-    def _complain(self, now_ns: int) -> None:
-        for text in self._trouble():
-            if text not in self._said:
-                self._said.add(text)
-                self._bus.publish(now_ns, "event", Event(now_ns, "error", self.name, text))
+    def _complain(self, now_ns: int, severity: str, text: str) -> None:
+        if text not in self._said:
+            self._said.add(text)
+            self._bus.publish(now_ns, "event", Event(now_ns, severity, self.name, text))
 
     def _tell(self, now_ns: int, state: str) -> None:
         self._bus.say(HEALTH + self.name, self.health(now_ns, state))
@@ -251,12 +270,15 @@ class LiveService:
             "outputs": sorted({t for seat in self._seats for t in seat.node.outputs}),
             "nodes": {seat.node.name: vars(seat.pace) for seat in self._seats},
             "dropped": dict(mailbox.dropped), "lost": dict(mailbox.lost), "garbage": mailbox.garbage,
-            "counters": self._counters(), "safe": all(getattr(s.node, "safe", True) for s in self._seats),
+            "counters": self._counters(), "safe": self._nodes_safe(), "why": self._why,
+            "clock": self._time.table(), "serves": self._serves, **footprint(),
         }  # fmt: skip
 
     def close(self) -> None:
         """Last words, then the nodes are closed. The bus is the caller's."""
-        self._tell(self._now() if self._epoch_ns is not None else 0, "stopped")
+        if self._abort_ns is not None:
+            print(f"{self.name}: {'safe' if self._nodes_safe() else 'NOT SAFE'} at the end", flush=True)
+        self._tell(self._now() if self._time.begun else 0, "stopped")
         for seat in self._seats:
             seat.node.close()
         if self._book is not None:

@@ -11,6 +11,8 @@ from hil.bus import Credentials, open_hub
 from hil.host.live_spec import LiveSpec
 from hil.keys import access_control
 
+_LAST_WORDS_S = 25.0  # the leaves notice by themselves, come to their safe state, and are recorded until then
+
 
 def hub(spec: LiveSpec) -> int:
     """Serve until SIGTERM, or until the parent process is gone. Raises BusError if the endpoint cannot be had."""
@@ -23,13 +25,19 @@ def serve_hub(
     endpoint: str, credentials: Credentials | None, access: dict[str, Any] | None, *, with_parent: bool
 ) -> None:
     """The same on any endpoint."""
-    done = threading.Event()
+    done, parent = threading.Event(), os.getppid()
+
+    def orphaned() -> bool:
+        return with_parent and os.getppid() != parent
+
+    def stop(*_: object) -> None:
+        if not orphaned():  # the signal tells of the parent's death, and the leaves still have to land
+            done.set()
+
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: done.set())
-    parent = os.getppid()
+        signal.signal(number, stop)
     with open_hub(endpoint, credentials, access):
         while not done.wait(0.5):
-            # the leaves notice by themselves; a little later, so that their last words still get through
-            if with_parent and os.getppid() != parent:
-                done.wait(25.0)
+            if orphaned():
+                done.wait(_LAST_WORDS_S)
                 return

@@ -14,12 +14,15 @@ from types import FrameType
 
 from hil.assembly import Assembly
 from hil.bus import Bus, BusError
+from hil.bus_clock import DateWatch
 from hil.host.live import LiveService
-from hil.host.live_spec import LiveSpec, simulated_twin
+from hil.host.live_presence import Presence
+from hil.host.live_spec import LiveSpec
+from hil.host.live_time import RunTime
 from hil.host.live_warm import warm_up
 from hil.host.live_wires import LiveWires
 from hil.receipts import ReceiptBook
-from hil.simulation import MemoryWires, counters
+from hil.simulation import counters
 from hil.wires import WireError
 
 COULD_NOT_RUN = 3
@@ -38,39 +41,40 @@ def hurry() -> None:
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
 
 
-def serve(spec: LiveSpec, service: str, names: tuple[str, ...]) -> int:
-    """Drive nodes `names` as `service` until stopped; returns the exit code."""
+def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool = False, wait_s: float = 10.0) -> int:
+    """Drive nodes `names` as `service` until stopped; returns the exit code. `remote`: started by hand, for a run of
+    another host, whose hub may take `wait_s` to come up."""
     sys.setswitchinterval(2e-4)  # a thread of the bus may not wait 5 ms for the interpreter
     plan = spec.plan()
     drawn = spec.draw(plan)
-    simulated = simulated_twin(plan.rig)
-    warm_up(Assembly(plan.scenario, simulated, drawn, plan.make_policy, MemoryWires(simulated, lambda: 0)), names)
+    warm_up(plan, drawn, names)
     wires = LiveWires(plan.rig, spec.ports)
     assembly = Assembly(
         plan.scenario, plan.rig, drawn, plan.make_policy, wires, time.monotonic_ns, unix_ns=time.time_ns()
     )
-    parent = os.getppid()
+    presence = Presence(remote=remote)
     hurry()  # only now: warming up may take its time
-    with Bus(spec.endpoint, spec.credentials(service), timeout_s=10.0) as bus:
-        offset_ns, _ = bus.clock_offset()
+    with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s) as bus:
+        run_time = RunTime(bus.clock(), DateWatch() if remote else None)
         nodes = [assembly.node(name) for name in names]
         book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
         live = LiveService(
-            service, nodes, bus, book=book, trouble=lambda: wires.trouble, counters=lambda: counters(nodes)
-        )
+            service, nodes, bus, run_time, presence=presence, book=book, trouble=lambda: wires.trouble,
+            counters=lambda: counters(nodes), serves=spec.digest(plan),
+        )  # fmt: skip
 
         def stop(_: int, __: FrameType | None) -> None:
-            if os.getppid() == parent:
-                live.stop()
-            else:  # the supervisor is gone: what flies is brought to its safe state first
+            if presence.gone():  # what flies is brought to its safe state first
                 live.orphaned()
+            else:
+                live.stop()
 
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, stop)
         gc.collect()
         gc.freeze()
         try:
-            if live.wait_for_go(offset_ns):
+            if live.wait_for_go():
                 live.run()
         finally:
             live.close()
@@ -95,7 +99,7 @@ def main() -> int:
 
             return hub(spec)
         return serve(spec, service, spec.services()[service])
-    except (BusError, WireError, ValueError, OSError) as error:
+    except (BusError, WireError, ValueError, OSError) as error:  # OSError: also no answer in time
         print(f"perch-hil: {service}: {error}", file=sys.stderr, flush=True)
         return COULD_NOT_RUN
 

@@ -16,7 +16,9 @@ from typing import Any
 from hil.assembly import Assembly
 from hil.bus import CONTROL, HEALTH, Bus, Letter, Mailbox
 from hil.foxglove_view import FoxgloveView
+from hil.host.live_presence import Presence, footprint
 from hil.host.live_spec import LiveSpec, simulated_twin
+from hil.host.live_time import RunTime
 from hil.record import Recorder
 from hil.runs import write_json
 from hil.simulation import MemoryWires
@@ -56,19 +58,24 @@ def record(spec: LiveSpec) -> int:
     twin = simulated_twin(plan.rig)
     camera = Assembly(plan.scenario, twin, spec.draw(plan), plan.make_policy, MemoryWires(twin, lambda: 0)).camera
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
-    state = {"epoch": 0, "stop": False, "orders": []}
+    state, presence = {"stop": False, "orders": []}, Presence()
     mailbox, sorter, seen = Mailbox(depth=8192, pictures=60), Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
-        state["stop"] = True
+        state["stop"] = not presence.gone()
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
-    parent, orphaned_s = os.getppid(), 0.0
+    orphaned_s = 0.0
+
+    def take(order: dict[str, Any]) -> None:
+        presence.heard()
+        state["orders"].append(order)
 
     def tell(bus: Bus, what: str) -> None:
         table = {"service": "recorder", "pid": os.getpid(), "state": what, "late": sorter.late, "nodes": {}}
-        bus.say(HEALTH + "recorder", table | {"lost": dict(mailbox.lost), "dropped": dict(mailbox.dropped)})
+        table |= {"lost": dict(mailbox.lost), "dropped": dict(mailbox.dropped), **footprint()}
+        bus.say(HEALTH + "recorder", table)
 
     with (
         Recorder(spec.folder / "run.mcap", view=view) as recorder,
@@ -76,26 +83,26 @@ def record(spec: LiveSpec) -> int:
     ):
         wanted = [t for t, row in TOPICS.items() if row.recorded and (t != "camera/image" or spec.pictures != "none")]
         bus.subscribe("recorder", wanted, mailbox)
-        bus.hear(CONTROL, state["orders"].append)
-        offset_ns, _ = bus.clock_offset()
+        bus.hear(CONTROL, take)
+        run_time = RunTime(bus.clock())
         told = 0.0
         while not state["stop"]:
             time.sleep(_TURN_S)
             for order in _orders(state["orders"]):
                 if order.get("order") == "go":
-                    state["epoch"] = int(order["epoch_ns"]) - offset_ns
+                    run_time.begin(int(order["epoch_ns"]))
                 elif order.get("order") == "stop" and order.get("service") == "recorder":
                     state["stop"] = True
             for letter in mailbox.drain():
                 seen.note(letter)
                 sorter.add(letter)
-            if state["epoch"]:
-                for now, letter in sorter.take(time.monotonic_ns() - state["epoch"]):
+            if run_time.begun:
+                for now, letter in sorter.take(run_time.now()):
                     recorder(now, letter.topic, letter.message)
             if time.monotonic() - told > 0.5:
                 told = time.monotonic()
-                tell(bus, "running" if state["epoch"] else "ready")
-                if os.getppid() != parent:  # record the safe state that follows, then end
+                tell(bus, "running" if run_time.begun else "ready")
+                if presence.gone():  # record the safe state that follows, then end
                     orphaned_s = orphaned_s or told
                     state["stop"] = told - orphaned_s > 22.0
         for letter in mailbox.drain():

@@ -12,20 +12,25 @@ from pathlib import Path
 from typing import Any
 
 from hil.bus import Bus, Mailbox
+from hil.bus_clock import DateWatch
 from hil.campaign import Plan
 from hil.flight import Flight
 from hil.host.live_latency import latencies_ns, summary
 from hil.host.live_spec import LiveSpec, services
+from hil.host.live_time import clock_lines
 from hil.host.live_wires import free_ports
+from hil.left_overs import remove_orphaned_memory
 from hil.messages import Event, Stage
 from hil.provenance import Code
 from hil.reader import ReadError, Recording
 from hil.runs import Run, new_run, policy_identity, write_json
 from hil.score import Score, Scorer, score_messages
-from hil.supervisor import Supervisor, SupervisorError, remove_orphaned_memory
+from hil.supervisor import Supervisor, SupervisorError
 
 _TURN_S = 0.05
 _LAND_LIMIT_S = 25.0
+_HEARD_S = 0.7  # every service says its health twice a second
+_DRIVERS = ("vehicle_link", "car")
 _WITNESS_S = 3.0  # recorded after the driver itself is gone: what autopilot and car do by themselves
 _OVERTIME_S = 150.0  # prepare, lead and margin on top of the scenario's time limit
 
@@ -74,12 +79,14 @@ def fly_live(
     remote: tuple[str, ...] = (),
     endpoint: str | None = None,
     clearance: Mapping[str, Any] | None = None,
+    watch: Callable[[Supervisor], object] = lambda _: None,
 ) -> LiveFlight:
     """Fly one seed in real time. `names`: scenario, rig, policy and camera as the user gave them, for the processes.
 
-    Services in `remote` are not started here but awaited. An interruption (Ctrl-C) brings everything to its safe state,
-    closes the recording and is reported in the result. Raises RunError, ProvenanceError or SupervisorError if the
-    run cannot take place or cannot be kept: such a run does not take off.
+    Services in `remote` (or the hub) are not started here but awaited; `keys`, a folder of `perch-hil keys`, closes the
+    bus to everybody else; `watch` is called many times a second during the run. An interruption (Ctrl-C) brings
+    everything to its safe state, closes the recording and is reported in the result. Raises RunError, ProvenanceError
+    or SupervisorError if the run cannot take place or cannot be kept: such a run does not take off.
     """
     run = new_run(
         out,
@@ -104,12 +111,13 @@ def fly_live(
     wall, began, state = time.perf_counter(), time.time(), "failed"
     ended = _Ended()
     try:
-        with Supervisor(logs / "spec.json", endpoint, logs) as supervisor:
+        with Supervisor(logs / "spec.json", endpoint, logs, remote, spec.digest(plan)) as supervisor:
             try:
-                _fly(supervisor, spec, plan, progress, ended, remote)
+                _fly(supervisor, spec, plan, progress, ended, remote, watch)
             finally:
                 supervisor.stop()
-                ended.health, ended.remarks = supervisor.health, supervisor.remarks
+                ended.health = supervisor.health
+                ended.remarks += supervisor.remarks
         state = "interrupted" if ended.interrupted else "failed" if ended.trouble else "finished"
     finally:
         leaked = remove_orphaned_memory(began)
@@ -145,13 +153,15 @@ def _fly(
     progress: Callable[[int, str], None],
     ended: _Ended,
     remote: tuple[str, ...],
+    watch: Callable[[Supervisor], object],
 ) -> None:
     """Start, watch, and bring down; what happened is noted in `ended`."""
     wanted = list(services(plan.rig))
     ear: _Ear | None = None
     try:
         try:
-            supervisor.start("hub")
+            if "hub" not in remote:
+                supervisor.start("hub")
             bus = supervisor.connect(spec.credentials("supervisor"))
             ear = _Ear(bus, progress)
             supervisor.start("recorder")
@@ -162,11 +172,26 @@ def _fly(
                 ["recorder", *wanted], waiting=lambda missing: progress(0, f"waiting for {', '.join(missing)}")
             )
             ended.load = (os.getloadavg()[0], 0.0)
-            supervisor.go()
+            hub_clock, date = bus.clock().measure(), DateWatch()
+            started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns)
+
+            def tell(severity: str, text: str) -> None:
+                now_ns = time.monotonic_ns() - started_ns
+                bus.publish(now_ns, "event", Event(now_ns, severity, "supervisor", text))
+
+            for service in remote:
+                for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
+                    tell("info", line)
             limit = time.monotonic() + plan.scenario.time_limit + _OVERTIME_S
             while ear.stage != "ended":
                 time.sleep(_TURN_S)
+                supervisor.beat()
                 ear.listen()
+                watch(supervisor)
+                stepped = date.text()
+                if stepped:
+                    ended.remarks.append(stepped)
+                    tell("warning", stepped)
                 ended.trouble = supervisor.trouble()
                 if not ended.trouble and time.monotonic() > limit:
                     ended.trouble = f"the run did not end in time (stage {ear.stage})"
@@ -177,7 +202,7 @@ def _fly(
         if ended.trouble or ended.interrupted:
             _bring_down(supervisor, ended, ear)
         elif not plan.rig.simulated:
-            _wait_safe(supervisor, _LAND_LIMIT_S)
+            _wait(supervisor, lambda: all(supervisor.safe(driver) for driver in _DRIVERS), _LAND_LIMIT_S)
         if ear is not None:
             ear.listen()
             ended.stage = ear.stage
@@ -198,17 +223,22 @@ def _bring_down(supervisor: Supervisor, ended: _Ended, ear: _Ear | None) -> None
         return
     try:
         supervisor.abort(ended.trouble or "interrupted")
-        time.sleep(0.7)  # every service says its health twice a second
-        _wait_safe(supervisor, _LAND_LIMIT_S)
-        if any(name in ended.trouble.split(" ")[:1] for name in ("vehicle_link", "car", "hub")):
-            time.sleep(_WITNESS_S)
+        who = ended.trouble.split(" ")[0]
+        if who == "hub":
+            supervisor.drop_hub()
+        _wait(supervisor, lambda: False, _HEARD_S)
+        _wait(supervisor, lambda: all(supervisor.safe(driver) for driver in _DRIVERS), _LAND_LIMIT_S)
+        if who in _DRIVERS:
+            _wait(supervisor, lambda: False, _WITNESS_S)
     except KeyboardInterrupt:
         ended.interrupted = True
 
 
-def _wait_safe(supervisor: Supervisor, limit_s: float) -> None:
+def _wait(supervisor: Supervisor, done: Callable[[], bool], limit_s: float) -> None:
+    """Until `done`, staying present for the services."""
     until = time.monotonic() + limit_s
-    while time.monotonic() < until and not (supervisor.safe("vehicle_link") and supervisor.safe("car")):
+    while time.monotonic() < until and not done():
+        supervisor.beat()
         time.sleep(_TURN_S)
 
 

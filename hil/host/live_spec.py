@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.assembly import node_names
-from hil.bus import Credentials
+from hil.bus import Credentials, credentials_in
 from hil.campaign import Plan
 from hil.host.live_wires import Ports
 from hil.rig import Rig
@@ -61,9 +62,12 @@ class LiveSpec(BaseModel):
 
     def credentials(self, service: str) -> Credentials | None:
         """The files that make a process this service; None on an open bus."""
-        if self.keys is None:
-            return None
-        return Credentials(self.keys / "ca.crt", self.keys / f"{service}.crt", self.keys / f"{service}.key")
+        return None if self.keys is None else credentials_in(self.keys, service)
+
+    def digest(self, plan: Plan) -> str:
+        """What two hosts must agree on, in short: scenario, rig, policy and seed."""
+        said = [plan.scenario.model_dump_json(), plan.rig.model_dump_json(), plan.policy_name, str(self.seed)]
+        return hashlib.sha256("\n".join(said).encode()).hexdigest()[:12]
 
     @classmethod
     def read(cls, path: Path) -> LiveSpec:

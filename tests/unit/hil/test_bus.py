@@ -129,16 +129,23 @@ def test_tables_of_the_harness_go_by_their_key(endpoint):
 
 def test_one_machine_has_one_clock(endpoint):
     with Bus(endpoint) as bus:
-        assert bus.clock_offset() == (0, 0)
+        clock = bus.clock().measure()
+    assert clock.shared
+    assert clock.offset_ns == 0
 
 
 def test_another_machines_clock_is_measured(endpoint, monkeypatch):
-    names = iter(range(10_000))  # the hub answers and the asker compares in this process: they never agree
-    monkeypatch.setattr("hil.bus.boot_id", lambda: str(next(names)).encode())
+    monkeypatch.setattr("hil.bus_clock.clock_id", lambda: b"another machine")
     with Bus(endpoint) as bus:
-        offset_ns, half_trip_ns = bus.clock_offset(tries=5)
-    assert half_trip_ns > 0
-    assert abs(offset_ns) <= half_trip_ns  # the same clock in truth
+        watch = bus.clock()
+        first = watch.measure(tries=5)
+        assert not first.shared
+        assert first.error_ns > 0
+        assert abs(first.offset_ns) <= first.error_ns  # the same clock in truth
+        assert abs(first.date_ns) <= first.error_ns + 1_000_000
+        watch.ask()
+        assert watch.best is not None
+        assert abs(watch.moved_ns) <= 2 * first.error_ns
 
 
 def test_without_a_hub_it_says_what_to_start():

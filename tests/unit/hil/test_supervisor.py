@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.supervisor import Process, Supervisor, SupervisorError, remove_orphaned_memory
+from hil.left_overs import remove_orphaned_memory
+from hil.service_process import Process
+from hil.supervisor import Supervisor, SupervisorError
 
 
 def process(tmp_path, code):
@@ -49,6 +51,85 @@ def test_a_stopped_process_is_killed_too(tmp_path):
     one = process(tmp_path, "import time; time.sleep(60)")
     os.kill(one.pid, signal.SIGSTOP)
     assert one.end(0.1) == "brain had to be stopped with SIGKILL"
+
+
+def test_whoever_waits_for_an_end_is_still_present(tmp_path):
+    beats = []
+    one = process(tmp_path, "import time; time.sleep(60)")
+    assert one.end(0.5, lambda: beats.append(1)) == "brain had to be stopped with SIGTERM"
+    assert len(beats) >= 3
+
+
+def test_a_stopped_process_is_known_as_stopped(tmp_path):
+    one = process(tmp_path, "import time; time.sleep(60)")
+    assert not one.stopped()
+    os.kill(one.pid, signal.SIGSTOP)
+    wait_for(one.stopped)
+    one.end(0.0)
+
+
+class Run:
+    """A supervisor in the middle of a run that nobody has to fly: what it heard, and when, is set by hand."""
+
+    def __init__(self, tmp_path, **ages_s):
+        self.supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, tuple(ages_s))
+        self.supervisor._started_ns = 1
+        self.now_ns = time.monotonic_ns()
+        for service, age_s in ages_s.items():
+            outputs = {"brain": ["belief"], "mocap": ["mocap/board"]}.get(service, [])
+            self.supervisor.health[service] = {"heard_ns": self.now_ns - int(age_s * 1e9), "outputs": outputs}
+
+    def topic(self, topic, age_s):
+        self.supervisor._heard[topic] = self.now_ns - int(age_s * 1e9)
+
+    def trouble(self):
+        return self.supervisor.trouble()
+
+
+def test_all_is_well_while_everybody_speaks(tmp_path):
+    run = Run(tmp_path, brain=0.4, mocap=0.3)
+    run.topic("belief", 0.5)
+    assert run.trouble() == ""
+
+
+def test_a_topic_that_falls_silent_is_told_with_its_producer(tmp_path):
+    run = Run(tmp_path, brain=0.2, mocap=0.3)
+    run.topic("mocap/board", 1.2)
+    assert run.trouble().startswith("mocap is silent on mocap/board for 1.2")
+
+
+def test_who_is_silent_altogether_is_blamed_before_those_who_wait_for_him(tmp_path):
+    run = Run(tmp_path, brain=0.2, camera=1.3, mocap=0.3)
+    run.topic("belief", 1.1)
+    assert run.trouble().startswith("camera does not answer: silent for 1.3")
+
+
+def test_a_service_without_topics_is_missed_by_its_health(tmp_path):
+    assert Run(tmp_path, brain=0.2, recorder=2.2).trouble().startswith("recorder does not answer")
+    assert Run(tmp_path, brain=0.2, recorder=1.5).trouble() == ""
+
+
+def test_if_nobody_is_heard_it_is_the_hub(tmp_path):
+    run = Run(tmp_path, brain=1.2, mocap=1.4)
+    run.topic("belief", 1.1)
+    assert run.trouble().startswith("hub does not answer: nothing has come from anybody for 1.2")
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"serves": "other"}, "brain was started for another run: give `perch-hil node` the same scenario"),
+        (
+            {"serves": "this", "clock": {"shared": False, "error_ns": 9_000_000}},
+            "brain: its host's clock can be compared with the hub's only to within 9.0 ms, allowed are 5",
+        ),
+    ],
+)
+def test_a_service_of_another_host_that_does_not_fit_is_refused(tmp_path, table, text):
+    supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, ("brain",), "this")
+    supervisor.health["brain"] = {"state": "ready", **table}
+    with pytest.raises(SupervisorError, match=text):
+        supervisor.wait_ready(["brain"], waiting=lambda _: None)
 
 
 def test_a_hub_that_cannot_start_is_named(tmp_path):

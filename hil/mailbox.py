@@ -1,0 +1,90 @@
+"""Letters for one service: what the bus's threads bring is kept here until the service looks."""
+
+from __future__ import annotations
+
+import os
+import select
+import struct
+from collections import deque
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from hil.codec import CodecError, codec
+from hil.topics import TOPICS
+
+PICTURES = "camera/image"
+STAMP = struct.Struct("<qQ")  # beside every payload: time of publication by the run's clock (ns), running number
+_DEPTH = 256  # messages kept of a topic while its reader is busy; pictures: the newest only
+
+
+class Letter(NamedTuple):
+    """A message as it came. `published_ns` is the run's time by the publisher's clock."""
+
+    topic: str
+    published_ns: int
+    sequence: int
+    message: Any
+
+
+class Mailbox:
+    """Letters for one service. Callbacks only append; the newest picture wins; `wait` sleeps until something comes."""
+
+    def __init__(self, depth: int = _DEPTH, pictures: int = 1) -> None:
+        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted."""
+        self._depth, self._pictures = depth, pictures
+        self._queues: dict[str, deque[tuple[int, bytes, bytes]]] = {}
+        self._arrivals = 0
+        self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.dropped: dict[str, int] = {}
+        self.lost: dict[str, int] = {}  # numbers missing in what arrived
+        self.garbage = 0
+        self._expected: dict[str, int] = {}
+
+    def put(self, topic: str, payload: bytes, stamp: bytes) -> None:
+        """Called by the bus's threads."""
+        queue = self._queues.get(topic)
+        if queue is None:
+            queue = self._queues.setdefault(topic, deque(maxlen=self._pictures if topic == PICTURES else self._depth))
+        if len(queue) == queue.maxlen:
+            self.dropped[topic] = self.dropped.get(topic, 0) + 1
+        self._arrivals += 1
+        queue.append((self._arrivals, payload, stamp))
+        self.wake()
+
+    def wake(self) -> None:
+        """End a `wait` now."""
+        with suppress(BlockingIOError, OSError):
+            os.eventfd_write(self._fd, 1)
+
+    def wait(self, timeout_ns: int) -> None:
+        """Sleep until a letter comes, at most `timeout_ns`."""
+        select.select([self._fd], [], [], max(0, timeout_ns) * 1e-9)
+        with suppress(BlockingIOError):
+            os.eventfd_read(self._fd)
+
+    def drain(self) -> list[Letter]:
+        """What has come, in the order of arrival. What is no message of its topic is counted in `garbage`."""
+        found: list[tuple[int, str, bytes, bytes]] = []
+        for topic, queue in list(self._queues.items()):
+            while queue:
+                arrival, payload, stamp = queue.popleft()
+                found.append((arrival, topic, payload, stamp))
+        return [letter for item in sorted(found) if (letter := self._open(*item)) is not None]
+
+    def _open(self, _: int, topic: str, payload: bytes, stamp: bytes) -> Letter | None:
+        try:
+            published_ns, sequence = STAMP.unpack(stamp)
+            message = codec(TOPICS[topic].message).decode(payload)
+        except (struct.error, CodecError, KeyError):
+            self.garbage += 1
+            return None
+        gap = sequence - self._expected.get(topic, sequence)
+        if gap > 0 and topic != "event":  # events have several publishers
+            self.lost[topic] = self.lost.get(topic, 0) + gap
+        self._expected[topic] = sequence + 1
+        return Letter(topic, published_ns, sequence, message)
+
+    def close(self) -> None:
+        """Free the descriptor."""
+        with suppress(OSError):
+            os.close(self._fd)

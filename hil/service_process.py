@@ -1,0 +1,79 @@
+"""One service's process: started, watched, ended, and asked why it is gone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+_GRACE_S, _SLICE_S = 2.0, 0.1
+_ENVIRONMENT = {
+    # one thread a process: they are many; freed picture buffers stay with the process instead of being mapped anew
+    **dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+    **dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "MALLOC_TOP_PAD_"), "67108864"),
+}
+
+
+class Process:
+    """One service's process; its output goes to `log`."""
+
+    def __init__(self, name: str, command: list[str], log: Path) -> None:
+        self.name, self.log = name, log
+        with log.open("wb") as file:
+            self._popen = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
+                env={**os.environ, **_ENVIRONMENT}, start_new_session=True,
+            )  # fmt: skip
+        self.pid = self._popen.pid
+
+    def ended(self) -> int | None:
+        """Exit code (negative: the signal), or None while it runs."""
+        return self._popen.poll()
+
+    def stopped(self) -> bool:
+        """Whether somebody has stopped it (SIGSTOP): it lives and does nothing."""
+        try:
+            return Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()[0] in "Tt"
+        except (OSError, IndexError):
+            return False
+
+    def last_words(self) -> str:
+        """The last line it wrote."""
+        lines = self.log.read_text(errors="replace").strip().splitlines()
+        return lines[-1].removeprefix("perch-hil: ") if lines else ""
+
+    def why(self) -> str:
+        """How it ended, in words."""
+        code = self.ended()
+        if code is None:
+            return f"{self.name} runs"
+        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        words = self.last_words()
+        return f"{self.name} {how}" + (f": {words}" if words else "")
+
+    def end(self, patience_s: float, meanwhile: Callable[[], object] = lambda: None) -> str:
+        """Wait `patience_s`, then SIGTERM, then SIGKILL. Returns what it took beyond patience.
+
+        `meanwhile` is called several times a second while waiting.
+        """
+        if self._wait(patience_s, meanwhile):
+            return ""
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            self._popen.send_signal(number)
+            if self._wait(_GRACE_S, meanwhile):
+                return f"{self.name} had to be stopped with {number.name}"
+        return f"{self.name} cannot be stopped"
+
+    def _wait(self, limit_s: float, meanwhile: Callable[[], object]) -> bool:
+        until = time.monotonic() + limit_s
+        while True:
+            try:
+                self._popen.wait(max(0.0, min(_SLICE_S, until - time.monotonic())))
+                return True
+            except subprocess.TimeoutExpired:
+                meanwhile()
+                if time.monotonic() >= until:
+                    return False
