@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
 
 from hil.binomial import interval
-from hil.report.manifest import clean_manifest, clean_score, nested
+from hil.report.campaign_lines import Group, Line, gather
+from hil.report.comparison_table import comparison_table
+from hil.report.manifest import nested
 from hil.report.page import asset, template
 from hil.report.section import table
 from hil.report.sections.paper_row import number, yes
@@ -25,50 +26,23 @@ from scenarios.toml_errors import ConfigError
 CONFIDENCE = 0.95
 
 
-@dataclass(frozen=True)
-class Line:
-    """One run of a campaign: its folder's name, manifest and score."""
+def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "") -> str:
+    """The campaign's page. `baseline`: name of the policy that the others are compared with, the first if empty.
 
-    name: str
-    manifest: dict[str, Any]
-    score: dict[str, Any]
-
-    @property
-    def group(self) -> tuple[str, str]:
-        """Runs are counted together if scenario and identity (sim, real) are the same."""
-        return nested(self.manifest, "scenario").get("name", "unknown"), self.manifest.get("identity", "unknown")
-
-    @property
-    def policy(self) -> str:
-        return nested(self.manifest, "policy").get("name", "unknown")
-
-
-def gather(runs: Sequence[Run]) -> tuple[list[Line], list[str]]:
-    """The runs that have a score, and a line for each that has none. Raises RunError for an unreadable file."""
-    lines, skipped = [], []
-    for run in runs:
-        notes: list[str] = []
-        score, manifest = clean_score(run.score, notes), clean_manifest(run.manifest, notes)
-        if score is None or score.get("outcome") == "incomplete":
-            why = "no score" if score is None else "ended before the referee decided"
-            skipped.append(f"{run.path.name}: {notes[0] if notes else why}")
-        else:
-            lines.append(Line(run.path.name, manifest, score))
-    return lines, skipped
-
-
-def render(runs: Sequence[Run], title: str = "Campaign") -> str:
-    """The campaign's page. Raises ValueError if not one run has a verdict."""
+    Raises ValueError if not one run has a verdict.
+    """
     lines, skipped = gather(runs)
     if not lines:
         raise ValueError(f"none of the {len(runs)} runs has a verdict: there is nothing to count")
-    groups: dict[tuple[str, str], list[Line]] = {}
-    for line in sorted(lines, key=lambda line: (*line.group, line.policy, line.name)):
+    groups: dict[Group, list[Line]] = {}
+    for line in sorted(lines, key=lambda line: (line.group, line.name)):
         groups.setdefault(line.group, []).append(line)
-    mixed = [
-        f"{name} ({identity}) mixes policies: {', '.join(policies)}. Their counts are added up."
-        for (name, identity), group in groups.items()
-        if len(policies := sorted({line.policy for line in group})) > 1
+    commits = sorted({line.commit for line in lines})
+    mixed = [f"These runs are of different code: {', '.join(commits)}."] if len(commits) > 1 else []
+    mixed += [
+        f"{group.scenario} with {group.policy}: {len(found) - len(seeds)} runs repeat a seed and count once more."
+        for group, found in groups.items()
+        if group.identity == "sim" and len(seeds := {line.manifest.get("seed") for line in found}) < len(found)
     ]
     return template("campaign.html.j2").render(
         title=title,
@@ -77,23 +51,27 @@ def render(runs: Sequence[Run], title: str = "Campaign") -> str:
         confidence=round(100 * CONFIDENCE),
         skipped=skipped,
         mixed=mixed,
+        scenarios=len({group.scenario for group in groups}),
         summary=_summary(groups),
-        groups=[_group(name, identity, group) for (name, identity), group in groups.items()],
+        comparison=comparison_table(lines, baseline, CONFIDENCE),
+        groups=[_group(group, found) for group, found in groups.items()],
     )
 
 
-def _summary(groups: dict[tuple[str, str], list[Line]]) -> Markup:
+def _summary(groups: dict[Group, list[Line]]) -> Markup:
     rows: list[tuple[object, ...]] = []
-    for (name, identity), group in groups.items():
+    for about, group in groups.items():
         rates = [_rate(sum(line.score[key] for line in group), len(group)) for key in ("within_tolerance", "attached")]
         medians = [
             number(_median([line.score["metrics"][key] for line in group]), digits)
             for key, digits in (("planar", 3), ("normal_alignment_deg", 2), ("impact_tangential", 2), ("duration", 2))
         ]
-        rows.append(
-            (Markup('<a href="#{0}-{1}">{0}</a> <span class="tag">{1}</span>').format(name, identity), *rates, *medians)
+        tag = Markup(' <span class="tag">{}</span>').format(
+            about.identity if about.camera == "unknown" else f"{about.identity}, {about.camera}"
         )
-    head = ("scenario", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s", "time s")
+        link = Markup('<a href="#{}">{}</a>').format(about.ident, about.scenario) + tag
+        rows.append((link, about.policy, *rates, *medians))
+    head = ("scenario", "policy", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s", "time s")
     return table(head, rows, "campaign")
 
 
@@ -106,9 +84,9 @@ def _rate(successes: int, runs: int) -> Markup:
     ).format(successes, runs, f"{100 * low:.0f}", f"{100 * high:.0f}", f"{left:.1f}", f"{width:.1f}", f"{tick:.1f}")
 
 
-def _group(name: str, identity: str, group: list[Line]) -> dict[str, Any]:
-    title = nested(group[0].manifest, "scenario").get("title", name)
-    words = {"sim": "simulated", "real": "real vehicle"}.get(identity, identity)
+def _group(about: Group, group: list[Line]) -> dict[str, Any]:
+    title = nested(group[0].manifest, "scenario").get("title", about.scenario)
+    words = {"sim": "simulated", "real": "real vehicle"}.get(about.identity, about.identity)
     reasons = Counter(
         "perched within tolerance"
         if line.score["within_tolerance"]
@@ -117,8 +95,8 @@ def _group(name: str, identity: str, group: list[Line]) -> dict[str, Any]:
     )
     rows = [(text or "no reason given", count) for text, count in reasons.most_common()]
     return {
-        "name": f"{name}-{identity}",
-        "title": f"{title} ({words})",
+        "name": about.ident,
+        "title": f"{title} ({words}, {about.policy})",
         "scatter": _scatter(group),
         "reasons": table(("outcome", "runs"), list(rows), "narrow"),
         "published": _published(group[0]),
@@ -168,7 +146,6 @@ def _runs(group: list[Line]) -> Markup:
         rows.append(
             (
                 Markup('<span title="{}">{}</span>').format(line.name, line.manifest.get("seed", "–")),
-                line.policy,
                 yes(line.score["within_tolerance"]),
                 yes(line.score["attached"]),
                 number(m["planar"], 3),
@@ -182,7 +159,7 @@ def _runs(group: list[Line]) -> Markup:
             )
         )
     head = (
-        "seed", "policy", "within", "attached", "planar m", "normal deg", "tangential m/s", "impact m/s", "time s",
+        "seed", "within", "attached", "planar m", "normal deg", "tangential m/s", "impact m/s", "time s",
         "blind s", "why not", "run",
     )  # fmt: skip
     return table(head, rows, "runs")

@@ -50,12 +50,38 @@ def test_a_folder_of_runs_is_a_campaign(runs):
     assert "3 of 4" in out.read_text()
 
 
-def test_mixed_policies_are_said(runs, tmp_path):
+def change(run, **tables):
+    manifest = json.loads((run / "manifest.json").read_text())
+    for name, table in tables.items():
+        manifest[name] = {**manifest[name], **table} if isinstance(table, dict) else table
+    (run / "manifest.json").write_text(json.dumps(manifest))
+
+
+def test_policies_are_counted_apart_and_compared_on_their_common_seeds(runs, tmp_path):
+    for seed in range(4):
+        other = shutil.copytree(runs[seed], runs[seed].parent / f"other-{seed}")
+        change(other, policy={"name": "mine.onnx", "sha256": "abcdef0123456789"})
+        score = json.loads((other / "score.json").read_text())
+        score |= {"within_tolerance": seed == 3, "attached": seed == 3, "reasons": [] if seed == 3 else ["time"]}
+        (other / "score.json").write_text(json.dumps(score))
+    text = Page(write_report([runs[0].parent]).read_text()).text
+    assert "3 of 4" in text and "mine.onnx abcdef01 1 of 4" in text
+    assert "planner mine.onnx abcdef01 simple-ii no difference shown: +50 points" in text  # the first by name is first
+    assert "of 4 seeds 3 gained, 1 lost" in text
+
+
+def test_pictures_and_the_paper_s_model_of_them_are_counted_apart(runs, tmp_path):
     manifest = json.loads((runs[0] / "manifest.json").read_text())
-    manifest["policy"]["name"] = "other.onnx"
-    (runs[0] / "manifest.json").write_text(json.dumps(manifest))
-    out = write_report(runs, out=tmp_path / "c.html")
-    assert "mixes policies: other.onnx, planner" in out.read_text()
+    change(runs[0], rig={"camera": {**manifest["rig"]["camera"], "source": "model"}})
+    text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
+    assert "sim, model planner 1 of 1" in text and "sim, pictures planner 2 of 3" in text
+
+
+def test_runs_of_different_code_and_repeated_seeds_are_said(runs, tmp_path):
+    change(runs[1], code={"commit": "1234567890abcdef", "dirty": False}, seed=0)
+    text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
+    assert "These runs are of different code: 1234567890, " in text
+    assert "simple-ii with planner: 1 runs repeat a seed" in text
 
 
 def test_simulated_and_real_are_never_counted_together(runs, tmp_path):
@@ -63,7 +89,7 @@ def test_simulated_and_real_are_never_counted_together(runs, tmp_path):
     manifest["identity"] = "real"
     (runs[0] / "manifest.json").write_text(json.dumps(manifest))
     text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
-    assert "2 of 3" in text and "(real vehicle)" in text
+    assert "2 of 3" in text and "(real vehicle, planner)" in text
 
 
 def test_no_verdict_at_all(runs):

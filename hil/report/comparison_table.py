@@ -1,0 +1,49 @@
+"""Policies of a campaign side by side, on the seeds that both flew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from hil.comparison import pair, words
+from hil.report.campaign_lines import Line
+from hil.report.section import table
+
+Conditions = tuple[str, str, Any]  # scenario, camera, seed
+
+
+def outcomes(lines: Sequence[Line]) -> dict[str, dict[Conditions, bool]]:
+    """policy -> conditions -> within tolerance, of the simulated runs: only these have seeds that can be repeated."""
+    found: dict[str, dict[Conditions, bool]] = {}
+    for line in lines:
+        about = line.group
+        if about.identity == "sim":
+            key = (about.scenario, about.camera, line.manifest.get("seed"))
+            found.setdefault(about.policy, {})[key] = bool(line.score["within_tolerance"])
+    return found
+
+
+def comparisons(lines: Sequence[Line], baseline: str, confidence: float) -> list[tuple[str, str, str, str]]:
+    """(policy, baseline, scenario or "all", what the pairs say), where there is anything to pair."""
+    by_policy = outcomes(lines)
+    names = sorted(by_policy, key=lambda name: (name.split(" ")[0] != baseline, name))
+    rows = []
+    for name in names[1:]:
+        first, second = by_policy[names[0]], by_policy[name]
+        scenarios = sorted({key[0] for key in first.keys() & second.keys()})
+        for scenario in [*scenarios, *(["all"] if len(scenarios) > 1 else [])]:
+            pairs = pair(_of(first, scenario), _of(second, scenario))
+            rows.append((name, names[0], scenario, words(pairs, confidence)))
+    return rows
+
+
+def comparison_table(lines: Sequence[Line], baseline: str, confidence: float) -> Markup:
+    """The same as a table; empty if there is only one policy."""
+    rows: list[tuple[object, ...]] = [*comparisons(lines, baseline, confidence)]
+    return table(("policy", "against", "scenario", "within tolerance"), rows, "left") if rows else Markup("")
+
+
+def _of(results: Mapping[Conditions, bool], scenario: str) -> dict[Conditions, bool]:
+    return {key: value for key, value in results.items() if scenario in ("all", key[0])}
