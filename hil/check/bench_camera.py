@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from hil.assembly import mounted_cameras
 from hil.check.registry import NotApplicable, Unavailable
 from hil.rig import Rig
 from scenarios.draw import Drawn
@@ -25,7 +26,7 @@ Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
 _MS = 1_000_000
-_PICTURES = 10
+PICTURES = 10
 _OFF_NORMAL = math.radians(30.0)  # line of sight to the board's normal: a head-on view measures tilt badly
 
 
@@ -44,9 +45,7 @@ class CameraBench:
     """Vehicle held on a stand, its pose known from motion capture; the camera renders, the detector decodes."""
 
     def __init__(self, scenario: Scenario, rig: Rig, airframe: Airframe, drawn: Drawn) -> None:
-        tilt = math.radians(airframe.camera.tilt_deg) + drawn.camera_tilt_offset
-        self._true = Camera(offset=airframe.camera.offset, tilt=tilt)
-        self.camera = replace(self._true, tilt=tilt + drawn.camera_tilt_error)
+        self._true, self.camera = mounted_cameras(rig.camera, airframe, drawn)
         self.board = Board(size=scenario.board.size)
         self.set_deg = scenario.board.inclination_deg
         self.wanted_hz = scenario.camera.rate
@@ -81,10 +80,10 @@ class CameraBench:
         mocap = Mocap(self._drawn.mocap_seed)
         still = (0.0, 0.0, 0.0)
         found = []
-        for index in range(_PICTURES):
+        for index in range(PICTURES):
             picture = renderer.render(motion_row(position, attitude), board, round(self._slot.exposure_ms * _MS), index)
             p, _, q, _ = mocap.measure(position, still, attitude, still)
-            found.append(self._measure(detector, picture, np.array(p), np.array(q)))
+            found.append(measure(detector, self.camera, picture, np.array(p), np.array(q)))
         return found
 
     def _stand(self, distance: float, inclination: float) -> tuple[Vec3, Quat]:
@@ -99,16 +98,18 @@ class CameraBench:
         x, y, z = (b + distance * t - m for b, t, m in zip(base, toward, mount, strict=True))
         return (x, y, z), q
 
-    def _measure(self, detector: BoardDetector, picture: np.ndarray, p: np.ndarray, q: np.ndarray) -> Seen:
-        pose = detector.detect(picture)
-        brightness, contrast = float(picture.mean()), math.nan
-        if not pose.found:
-            return Seen(pose, math.nan, math.nan, brightness, contrast)
-        _, board_q = world_board_pose(p, q, self.camera.row(), pose.R, pose.p)
-        up = body_z(board_q)[2]
-        corners = pose.corners.reshape(-1, 2)
-        (u0, v0), (u1, v1) = np.floor(corners.min(0)).astype(int), np.ceil(corners.max(0)).astype(int)
-        part = picture[max(0, v0) : v1 + 1, max(0, u0) : u1 + 1]
-        low, high = np.percentile(part, (2, 98))
-        tilt = math.degrees(math.acos(min(1.0, max(-1.0, float(up)))))
-        return Seen(pose, float(np.linalg.norm(pose.p)), tilt, brightness, float(high - low))
+
+def measure(detector: BoardDetector, camera: Camera, picture: np.ndarray, p: np.ndarray, q: np.ndarray) -> Seen:
+    """What one picture (height, width) shows, taken by `camera` of a vehicle at `p` (m) with attitude `q` (wxyz)."""
+    pose = detector.detect(picture)
+    brightness, contrast = float(picture.mean()), math.nan
+    if not pose.found:
+        return Seen(pose, math.nan, math.nan, brightness, contrast)
+    _, board_q = world_board_pose(p, q, camera.row(), pose.R, pose.p)
+    up = body_z(board_q)[2]
+    corners = pose.corners.reshape(-1, 2)
+    (u0, v0), (u1, v1) = np.floor(corners.min(0)).astype(int), np.ceil(corners.max(0)).astype(int)
+    part = picture[max(0, v0) : v1 + 1, max(0, u0) : u1 + 1]
+    low, high = np.percentile(part, (2, 98))
+    tilt = math.degrees(math.acos(min(1.0, max(-1.0, float(up)))))
+    return Seen(pose, float(np.linalg.norm(pose.p)), tilt, brightness, float(high - low))

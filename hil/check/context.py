@@ -11,7 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from hil.check.bench_camera import CameraBench
+from hil.check.bench_camera import CameraBench, Quat
+from hil.check.bench_camera_device import DeviceBench
 from hil.check.bench_car import CarBench
 from hil.check.bench_mocap import MocapReport, measure_mocap
 from hil.check.bench_vehicle import (
@@ -29,6 +30,7 @@ from hil.runs import policy_identity
 from scenarios.draw import Drawn, draw
 from scenarios.spec import Scenario
 from vehicle.airframe import Airframe, load_airframe
+from vehicle.rotations import swap_attitude
 
 if TYPE_CHECKING:
     from hil.bus_clock import Clock
@@ -91,13 +93,23 @@ class Context:
         """The ground car in CAN mode."""
         return self._of("groundcar", "car", lambda: CarBench.open(self.rig, self.drawn), ("sim", "can"))
 
-    def camera(self) -> CameraBench:
+    def camera(self) -> CameraBench | DeviceBench:
         """The camera on its stand in front of the board."""
-        return self._of("camera", "camera", lambda: CameraBench(self.scenario, self.rig, self.airframe, self.drawn))
+        parts = (self.scenario, self.rig, self.airframe, self.drawn)
+        kinds = ("sim", "v4l2", "gstreamer", "mcap")
+        if self.rig.camera.kind == "sim":
+            return self._of("camera", "camera", lambda: CameraBench(*parts))
+        return self._of("camera", "camera", lambda: DeviceBench(*parts, self._attitude), kinds)
+
+    def _attitude(self) -> Quat | None:
+        """Of a real vehicle on its stand, as its autopilot says (w, x, y, z); None without one."""
+        if self.rig.vehicle.kind == "sim":
+            return None
+        return swap_attitude(self.ground().latest("ODOMETRY").q)
 
     def mocap(self) -> MocapReport:
         """A second of motion capture."""
-        return self._of("mocap", "mocap", lambda: measure_mocap(self.rig, self.airframe, self.drawn))
+        return self._of("mocap", "mocap", lambda: measure_mocap(self.rig, self.airframe, self.drawn), ("sim", "vrpn"))
 
     def clocks(self) -> Clock:
         """This host's clocks against those of the host with the bus's hub."""

@@ -60,7 +60,7 @@ class RecordedCamera:
         if self._start_ns is None:
             self._start_ns = now_ns
         newest: _Recorded | None = None
-        shift = self._start_ns - self._first_ns
+        shift = self.shift_ns
         while self._next is not None and self._next.log_ns + shift <= now_ns:
             self.dropped += newest is not None
             newest, self._next = self._next, next(self._pictures, None)
@@ -73,6 +73,11 @@ class RecordedCamera:
 
     def close(self) -> None:
         """Nothing to give back."""
+
+    @property
+    def shift_ns(self) -> int:
+        """From a time of the recorded run to the time that `take` is given."""
+        return 0 if self._start_ns is None else self._start_ns - self._first_ns
 
     def _lead_ns(self) -> int:
         """When the recorded run began its lead stage; beyond every time if it does not say."""

@@ -1,0 +1,119 @@
+"""The rig px4-sitl against the software PX4 as a process of its own on UDP, with the quirks of a real SITL: it boots by
+itself, speaks first, keeps its first partner, lags wall time, and drifts on its simulated GPS.
+
+Nothing here depends on how well the attempt goes: the machine may be busy. It must take place, and end on the ground.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil import provenance
+from hil.campaign import Plan
+from hil.host.live_run import fly_live
+from hil.reader import Recording
+from hil.rig import RIG_DIR
+
+pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(420)]
+PROGRAM = Path(__file__).parent / "px4_process.py"
+
+
+@contextlib.contextmanager
+def autopilot(port, speed):
+    """A running PX4; afterwards `told` holds what it says of its flights."""
+    process = subprocess.Popen(
+        [sys.executable, str(PROGRAM), str(port), str(speed)], stdout=subprocess.PIPE, text=True, bufsize=1
+    )
+    told = {}
+    try:
+        assert process.stdout.readline() == "booted\n"
+        yield told
+    finally:
+        process.terminate()
+        told |= json.loads(process.communicate(timeout=20)[0])
+
+
+@pytest.fixture
+def site(tmp_path):
+    """(port, names of a run): the rig as it comes, on a free port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    rig = tmp_path / "px4-sitl.toml"
+    rig.write_text((RIG_DIR / "px4-sitl.toml").read_text().replace("14540", str(port)))
+    return port, {"scenario": "simple-i", "rig": str(rig), "policy": None, "camera": "model"}
+
+
+def fly(names, out, progress=lambda now_ns, what: None):
+    return fly_live(
+        Plan(**names), names, 0, pictures="none", out=out, code=provenance.code(), progress=progress
+    )  # fmt: skip
+
+
+def said(run):
+    return [entry.message.text for entry in Recording(run.path).messages(["event"])]
+
+
+def test_two_flights_in_a_row_on_one_autopilot(site, tmp_path):
+    port, names = site
+    with autopilot(port, 0.97) as told:
+        for flight in range(2):
+            live = fly(names, tmp_path / "runs")
+            events = said(live.flight.run)
+            assert live.flight.failure == "", events[-6:]
+            assert live.flight.run.manifest["identity"] == "real"
+            for text in ("stage attempt", "mode AUTO.TAKEOFF", "mode OFFBOARD"):
+                assert text in events
+            if flight == 0:
+                assert "COM_OF_LOSS_T set to 0.3 (was 1)" in events
+            recording = Recording(live.flight.run.path)
+            statuses = [e.message for e in recording.messages(["vehicle/status"])]
+            assert {"parameters", "ready", "takeoff", "goto", "hover", "handed_over"} <= {
+                status.phase for status in statuses
+            }
+            assert statuses[-1].phase in ("killed", "released")
+            assert not statuses[-1].armed
+            sent = [e.message for e in recording.messages(["vehicle/sent"])]
+            assert len(sent) > 100, "a second of body rates at least"
+            assert 0.3 < statuses[-1].hover_thrust < 0.7
+    assert told["armed"] == 2
+    assert not told["armed_now"]
+    assert told["position"][2] < 0.2
+    assert set(told["rejected"]) <= {"ignored_frames"}
+
+
+def test_when_the_brain_dies_the_vehicle_lands_and_disarms(site, tmp_path):
+    port, names = site
+    out = tmp_path / "runs"
+    done = []
+
+    def strike(now_ns, stage):
+        if stage == "attempt" and not done:
+            done.append(service(out, "brain"))
+            os.kill(done[0], signal.SIGKILL)
+
+    with autopilot(port, 0.97) as told:
+        live = fly(names, out, strike)
+        assert "brain was killed by SIGKILL" in live.flight.failure
+        events = said(live.flight.run)
+        assert "mode AUTO.LAND" in events
+        assert Recording(live.flight.run.path).complete
+    assert (told["armed"], told["armed_now"]) == (1, False)
+    assert told["position"][2] < 0.2
+
+
+def service(folder, name):
+    """The pid of the process that serves `name` in a run below `folder`."""
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            words = path.read_bytes().split(b"\0")
+            if len(words) > 4 and words[3].startswith(str(folder).encode()) and words[4].decode() == name:
+                return int(path.parent.name)
+    raise AssertionError(f"no process serves {name}")
