@@ -98,16 +98,20 @@ def node(
     connect: Annotated[str | None, typer.Option(help=f"the hub's endpoint [default: {_ENDPOINT}]")] = None,
     keys: _Keys = None,
     wait: Annotated[float, typer.Option(min=1, max=3600, help="how long to wait for the hub, s")] = 60.0,
+    receipts: Annotated[
+        Path | None, typer.Option(help="folder for its receipts, which `perch-hil replay` wants in the run's folder")
+    ] = None,
 ) -> None:
     """Serve one piece of a live run on this host, for one run started elsewhere with --remote.
 
-    Exit code: 0 the run is over, 2 usage or configuration, 3 no hub, or a device is not there.
+    Exit code: 0 the run is over, 2 usage or configuration, 3 no hub, the run's host was lost, or a device is not there.
     """
     from hil.bus import BusError
     from hil.host.live_main import serve
     from hil.host.live_options import check_endpoint, check_identities, check_service
     from hil.host.live_spec import LiveSpec
     from hil.host.live_wires import free_ports
+    from hil.record import RecordingError
     from hil.wires import WireError
 
     endpoint = connect or _default_endpoint(keys)
@@ -115,15 +119,17 @@ def node(
         check_endpoint(endpoint, keys)
         spec = LiveSpec(
             scenario=scenario, rig=rig, policy=policy, camera=camera, seed=seed, endpoint=endpoint, ports=free_ports(),
-            pictures="none", folder=None, keys=keys,
+            pictures="none", folder=receipts, keys=keys,
         )  # fmt: skip
         plan = spec.plan()
         check_service(plan.rig, service)
         check_identities(keys, [service])
+        if receipts is not None:
+            receipts.mkdir(parents=True, exist_ok=True)
         code = serve(spec, service, spec.services(plan.rig)[service], remote=True, wait_s=wait)
     except ValueError as error:
         raise _fail(str(error)) from None
-    except (BusError, WireError, TimeoutError) as error:
+    except (BusError, WireError, OSError, RecordingError) as error:
         raise _fail(str(error), COULD_NOT_RUN) from None
     raise typer.Exit(code)
 

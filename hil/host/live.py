@@ -109,6 +109,11 @@ class LiveService:
         self._stop = True
         self._mailbox.wake()
 
+    @property
+    def lost(self) -> bool:
+        """Whether it ended because nobody was there any more."""
+        return self._gone
+
     def orphaned(self) -> None:
         """The supervisor is gone: look into it at once (safe in a signal handler)."""
         self._health_ns = 0
@@ -128,6 +133,7 @@ class LiveService:
                 self._mailbox.lost.clear()
                 return True
             if self._presence.gone():
+                self._gone = True
                 return False
         return False
 

@@ -22,6 +22,7 @@ from hil.host.live_time import RunTime
 from hil.host.live_warm import warm_up
 from hil.host.live_wires import LiveWires
 from hil.receipts import ReceiptBook
+from hil.record import RecordingError
 from hil.simulation import counters
 from hil.wires import WireError
 
@@ -79,7 +80,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         finally:
             live.close()
             wires.close()
-    return 0
+    return COULD_NOT_RUN if live.lost else 0
 
 
 def main() -> int:
@@ -99,7 +100,7 @@ def main() -> int:
 
             return hub(spec)
         return serve(spec, service, spec.services()[service])
-    except (BusError, WireError, ValueError, OSError) as error:  # OSError: also no answer in time
+    except (BusError, WireError, RecordingError, ValueError, OSError) as error:  # OSError: also no answer in time
         print(f"perch-hil: {service}: {error}", file=sys.stderr, flush=True)
         return COULD_NOT_RUN
 
