@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test live lint format bench clean
+.PHONY: help run test live lint format bench peer train clean
 
 help: ## show these targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -37,8 +37,23 @@ format: $(VENV)/dev ## let ruff mend what it can
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+$(VENV)/peer: # crazyflow, in an environment of its own
+	$(PYTHON) -m venv $@
+	$@/bin/pip install --quiet crazyflow==0.4.0
+
+peer: $(VENV)/peer ## install crazyflow beside, so that `make bench` compares with it in the same run (1.2 GB)
+
 bench: $(VENV)/test ## real-time factors, renderer, detector and kernel speeds of this machine
 	$(BIN)/python -m benchmarks
+
+TRAINED := training_runs
+GO_ON = $(if $(wildcard $(TRAINED)/$(1)/checkpoint.pt),--resume)
+
+train: $(VENV)/test ## from nothing to policies that fly and their tables, in two hours of two cores; stopped: again goes on
+	$(BIN)/perch-hil train --stage state --out $(TRAINED)/state $(call GO_ON,state)
+	$(BIN)/perch-hil train --stage vision --parent $(TRAINED)/state --out $(TRAINED)/vision $(call GO_ON,vision)
+	$(BIN)/perch-hil evaluate $(TRAINED)/state/policy.onnx
+	$(BIN)/perch-hil evaluate $(TRAINED)/vision/policy.onnx
 
 clean: ## remove the virtual environment and caches (not the runs)
 	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache

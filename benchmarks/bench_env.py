@@ -4,16 +4,20 @@
 
 One control step is 10 ms. `vehicle`: body-rate control, mixer, motors and rigid body in 5 substeps of 2 ms; `state` and
 `vision` are whole environment steps: platform motion, delays, physics, contact, reward, observation, resets, and in
-vision camera, noise and filter. Peers for comparison, measured elsewhere on two shared cores at N = 4096: crazyflow 0.4
-(first principles + body-rate control, 5 x 500 Hz substeps) 276 k control steps/s, its LandingEnv 102 k.
+vision camera, noise and filter. The peer is crazyflow 0.4 (first principles + body-rate control, 5 x 500 Hz substeps)
+and its LandingEnv: measured in the same run if `make peer` has installed it; else figures that were measured elsewhere,
+on two shared cores at N = 4096, are shown. Mark: ten times its control steps a second.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import subprocess
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -25,7 +29,9 @@ from vehicle.airframe import load_airframe
 from vehicle.dynamics import vehicle_row
 from vehicle.rate_control import fly
 
-PEER, PEER_GYM = 276_345, 102_000
+Rate = tuple[float, float]  # control steps a second, and a CPU second: what a busy machine leaves comparable
+PEER = {"vehicle": (276_345.0, float("nan")), "gym": (102_000.0, float("nan"))}  # at N = 4096, elsewhere
+PEER_PYTHON = Path(__file__).parents[1] / ".venv" / "peer" / "bin" / "python"
 
 
 @njit(parallel=True)
@@ -34,17 +40,18 @@ def _fly_all(rows, commands, params, substeps):
         fly(rows[i], commands[i], params, TICK, substeps)
 
 
-def rate(step: Callable[[], None], count: int, seconds: float) -> float:
-    """Control steps a second of `step`, which advances `count` rows by one; the best of three spells."""
+def rate(step: Callable[[], None], count: int, seconds: float) -> Rate:
+    """Rates of `step`, which advances `count` rows by one; the best of three spells."""
     step()
-    best = 0.0
+    wall = cpu = 0.0
     for _ in range(3):
-        begun, steps = time.perf_counter(), 0
+        begun, used, steps = time.perf_counter(), time.process_time(), 0
         while time.perf_counter() - begun < seconds / 3.0:
             step()
             steps += 1
-        best = max(best, steps * count / (time.perf_counter() - begun))
-    return best
+        wall = max(wall, steps * count / (time.perf_counter() - begun))
+        cpu = max(cpu, steps * count / (time.process_time() - used))
+    return wall, cpu
 
 
 def _advance(env: Env, actions: np.ndarray) -> None:
@@ -52,8 +59,8 @@ def _advance(env: Env, actions: np.ndarray) -> None:
     env.tally.__init__()
 
 
-def measure(count: int, seconds: float, threads: int) -> dict[str, float]:
-    """Rates of the vehicle alone and of the environment's stages, control steps/s."""
+def measure(count: int, seconds: float, threads: int) -> dict[str, Rate]:
+    """Rates of the vehicle alone and of the environment's stages."""
     numba.set_num_threads(threads)
     airframe = load_airframe("paper_quad")
     hover = vehicle_row((0.0, 0.0, 2.0), motor=airframe.hover_thrust)
@@ -69,19 +76,36 @@ def measure(count: int, seconds: float, threads: int) -> dict[str, float]:
     return rates
 
 
+def measure_peer(python: Path, count: int, seconds: float) -> dict[str, Rate] | None:
+    """The peer's rates here and now, or None where it is not installed or fails."""
+    if not python.exists():
+        return None
+    command = [str(python), str(Path(__file__).with_name("peer_crazyflow.py")), str(count), str(seconds)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        print(f"  peer failed: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+        return None
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=4096)
     parser.add_argument("--seconds", type=float, default=3.0)
+    parser.add_argument("--peer", type=Path, default=PEER_PYTHON, help="python of a virtual environment with crazyflow")
     options = parser.parse_args()
     cores = numba.config.NUMBA_NUM_THREADS
-    load = os.getloadavg()[0]
-    print(f"N = {options.count}, {cores} threads available, load average {load:.1f} before the start")
+    print(f"N = {options.count}, {cores} threads available, load average {os.getloadavg()[0]:.1f} before the start")
+    found = measure_peer(options.peer, options.count, options.seconds)
+    peer, where = (found, "now, all cores") if found else (PEER, "elsewhere, N = 4096; `make peer` installs it")
+    print(f"  k control steps a second (and a CPU second); crazyflow 0.4: {where}")
+    for name, (wall, cpu) in peer.items():
+        print(f"  crazyflow    {name:8s} {wall / 1e3:7.0f} ({cpu / 1e3:.0f})")
     for threads in sorted({1, cores}):
-        rates = measure(options.count, options.seconds, threads)
-        for name, value in rates.items():
-            peer = PEER if name == "vehicle" else PEER_GYM
-            print(f"  {threads} thread(s)  {name:8s} {value / 1e3:9.0f} k control steps/s  {value / peer:5.1f} x peer")
+        for name, (wall, cpu) in measure(options.count, options.seconds, threads).items():
+            theirs = peer["vehicle" if name == "vehicle" else "gym"]
+            times = f"{wall / theirs[0]:5.1f} x crazyflow ({cpu / theirs[1]:.1f} x)"
+            print(f"  {threads} thread(s)  {name:8s} {wall / 1e3:7.0f} ({cpu / 1e3:.0f})   {times}")
 
 
 if __name__ == "__main__":
