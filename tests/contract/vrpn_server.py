@@ -57,7 +57,10 @@ class VrpnServer:
                     data += message(SENDER, self._names.index(name), text(name))
                 payload = struct.pack(">ii7d", 0, 0, *position, *quaternion)
                 data += message(0, self._names.index(name), payload)
-            client.sendall(data)
+            try:
+                client.sendall(data)
+            except OSError:  # it has left
+                self._clients = []
 
     def drop_clients(self):
         """The cable is pulled."""

@@ -1,0 +1,150 @@
+"""Live runs with devices in them: a camera that goes away in the middle, and motion capture over VRPN in the loop."""
+
+import os
+import stat
+import sys
+import textwrap
+import threading
+from pathlib import Path
+
+import pytest
+
+from hil import provenance
+from hil.bus import Bus, BusError, Mailbox
+from hil.campaign import Plan
+from hil.host.live_run import fly_live
+from hil.platform_motion import hover_start, start_platform
+from hil.reader import Recording
+from hil.view import free_port
+from scenarios.draw import draw
+from scenarios.spec import load
+
+sys.path.append(str(Path(__file__).parents[1] / "contract"))
+from vrpn_server import VrpnServer
+
+pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(300)]
+
+
+def fly(tmp_path, rig_text, **options):
+    rig = tmp_path / "mine.toml"
+    rig.write_text(rig_text)
+    names = {"scenario": "simple-i", "rig": str(rig), "policy": None, "camera": None} | options.pop("names", {})
+    return fly_live(
+        Plan(**names), names, 0, pictures="none", out=tmp_path / "runs", code=provenance.code(),
+        progress=lambda now_ns, what: None, **options,
+    )  # fmt: skip
+
+
+def events(run):
+    return [(e.message.severity, e.message.source, e.message.text) for e in Recording(run.path).messages(["event"])]
+
+
+FAKE_GST = """\
+    #!{python}
+    import pathlib, sys, time
+    began = time.monotonic()
+    while time.monotonic() - began < 40.0:
+        sys.stdout.buffer.write(bytes(1280 * 720))
+        sys.stdout.buffer.flush()
+        time.sleep(1 / 30)
+        if pathlib.Path({flag!r}).exists():
+            break
+    sys.exit("ERROR: from element /GstPipeline:pipeline0/GstV4l2Src:v4l2src0: Could not read from resource.")
+"""
+
+
+def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monkeypatch):
+    flag, program = tmp_path / "pulled", tmp_path / "bin" / "gst-launch-1.0"
+    program.parent.mkdir()
+    program.write_text(textwrap.dedent(FAKE_GST).format(python=sys.executable, flag=str(flag)))
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
+
+    rig = 'title = "a camera behind a pipe"\n[camera]\nkind = "gstreamer"\ndevice = "v4l2src"\n'
+    hovered = threading.Event()
+
+    def watch(supervisor):
+        state = supervisor.health.get("vehicle_link", {})
+        if state and not state.get("safe", True) and not hovered.is_set():  # it is in the air
+            hovered.set()
+            flag.touch()
+
+    live = fly(tmp_path, rig, watch=watch)
+    assert hovered.is_set()
+    assert "camera ended with exit code 3: camera: camera pipeline v4l2src is gone" in live.flight.failure
+    assert "Could not read from resource" in live.flight.failure
+    said = events(live.flight.run)
+    assert any(source == "camera" and severity == "error" and "is gone" in text for severity, source, text in said)
+    assert any("AUTO.LAND" in text for _, _, text in said)
+    recording = Recording(live.flight.run.path)
+    assert recording.complete
+    assert live.flight.counters["cameras lost"] == 1
+    statuses = [e.message for e in recording.messages(["vehicle/status"])]
+    assert not statuses[-1].armed
+
+
+class Mirror(threading.Thread):
+    """Streams over VRPN where vehicle and board truly are, as the bus of a live run tells."""
+
+    def __init__(self, server, endpoint, names):
+        super().__init__(daemon=True)
+        scenario = load(names)
+        drawn = draw(scenario, 0)
+        x, y = hover_start(scenario, drawn, 1.0)[:2]
+        platform = start_platform(scenario, drawn)
+        self.server, self.endpoint = server, endpoint
+        self.poses = {
+            "quad": ((x, y, 0.0), (1.0, 0.0, 0.0, 0.0)),
+            "board": ((float(platform[0]), float(platform[1]), 1.5), (1.0, 0.0, 0.0, 0.0)),
+        }
+        self.ended = threading.Event()
+
+    def run(self):
+        bus, mailbox, count = None, Mailbox(), 0
+        while not self.ended.wait(0.008):
+            if bus is None:
+                try:
+                    bus = Bus(self.endpoint, timeout_s=0.5)
+                    bus.subscribe("status", ["truth/vehicle", "truth/board"], mailbox)
+                except BusError:
+                    bus = None
+            for letter in mailbox.drain():
+                name = "quad" if letter.topic == "truth/vehicle" else "board"
+                self.poses[name] = (letter.message.position, letter.message.orientation)
+            count += 1
+            shake = 1e-5 * (count % 2)  # no real system says the same twice
+            self.server.tell({n: ((p[0] + shake, *p[1:]), (*q[1:], q[0])) for n, (p, q) in self.poses.items()})
+        if bus is not None:
+            bus.close()
+        mailbox.close()
+
+
+def test_vrpn_carries_the_referee_the_car_and_the_autopilot(tmp_path):
+    pytest.importorskip("motioncapture", reason="kind vrpn: the package motioncapture is not installed")
+    server = VrpnServer()
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    mirror = Mirror(server, endpoint, "simple-i")
+    mirror.start()
+    rig = f"""
+        title = "motion capture over VRPN"
+        [vehicle]
+        external_pose = true
+        [mocap]
+        kind = "vrpn"
+        server = "127.0.0.1:{server.port}"
+        vehicle_body = "quad"
+        delay_ms = 8.0
+    """
+    try:
+        live = fly(tmp_path, rig, endpoint=endpoint, names={"camera": "model"})
+    finally:
+        mirror.ended.set()
+        mirror.join()
+        server.close()
+    said = events(live.flight.run)
+    assert live.flight.failure == "", said[-6:]
+    assert any(text == "stage attempt" for _, _, text in said)
+    recording = Recording(live.flight.run.path)
+    seen = [e.message for e in recording.messages(["mocap/vehicle"])]
+    assert len(seen) > 500
+    assert any(e.message.outcome != "ongoing" for e in recording.messages(["referee/contact"])), "the referee judged"
