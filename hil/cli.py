@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from hil import cli_check, cli_live, cli_report, cli_train
+from hil import cli_campaign, cli_check, cli_live, cli_report, cli_train
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -158,6 +158,7 @@ def board_file(path: Annotated[Path, typer.Argument(help="file to write: .pdf, .
 
 cli_check.register(app)
 cli_report.register(app)
+cli_campaign.register(app)
 cli_live.register(app)
 cli_train.register(app)
 

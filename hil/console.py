@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -124,24 +124,6 @@ def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: floa
     return Group(table, counts)
 
 
-def campaign_table(results: Mapping[str, Sequence[Score]], *, confidence: float = 0.95) -> Table:
-    """Several scenarios: counts and exact intervals, medians of the errors over the runs that touched."""
-    table = Table(title="Summary", box=box.SIMPLE_HEAD, title_justify="left")
-    for column in ("scenario", "attached", "within tolerance", "planar m", "normal deg", "tangential m/s"):
-        table.add_column(column, justify="left" if column == "scenario" else "right")
-    for name, scores in results.items():
-        table.add_row(
-            name,
-            rate_text(sum(s.attached for s in scores), len(scores), confidence),
-            rate_text(sum(s.within_tolerance for s in scores), len(scores), confidence),
-            *(
-                _number(_median([getattr(s.metrics, field) for s in scores]), digits)
-                for field, digits in (("planar", 3), ("normal_alignment_deg", 2), ("impact_tangential", 2))
-            ),
-        )
-    return table
-
-
 def rate_text(successes: int, runs: int, confidence: float = 0.95) -> str:
     """`18 of 20 (68-99 %)`: the count with its exact interval."""
     if runs == 0:
@@ -188,11 +170,3 @@ def _number(value: float | tuple[float, float] | None, digits: int) -> str:
 
 def _yes(value: bool) -> Text:
     return Text("yes", style="green") if value else Text("no", style="red")
-
-
-def _median(values: Sequence[float | None]) -> float | None:
-    known = sorted(v for v in values if v is not None)
-    if not known:
-        return None
-    middle = len(known) // 2
-    return known[middle] if len(known) % 2 else (known[middle - 1] + known[middle]) / 2

@@ -27,6 +27,7 @@ from hil.check.session import Session, list_subject, new_record
 from hil.check.terminal import Keyboard
 from hil.provenance import ProvenanceError
 from hil.rig import load_rig
+from policies.fly import policy_factory
 from scenarios.spec import load
 from scenarios.toml_errors import ConfigError
 from vehicle.airframe import load_airframe
@@ -112,10 +113,10 @@ def _verdict(code: int, record: Record) -> str:
 
 def _context(wish: Wish) -> tuple[Context, dict[str, Any]]:
     rig, scenario = load_rig(wish.rig), load(wish.scenario)
-    load_airframe(rig.vehicle.airframe)
+    airframe = load_airframe(rig.vehicle.airframe)
     policy = wish.policy or rig.policy.kind
-    if policy != "planner" and Path(policy).suffix != ".onnx":
-        raise ConfigError(f"no policy {policy!r}: use planner, or the path of an .onnx file")
+    if Path(policy).suffix != ".onnx":  # what is wrong with a file is an item of the list
+        policy_factory(policy, airframe)
     context = Context(Path(wish.rig).stem, rig, policy, scenario, wish.out, wish.run, wish.endpoint, wish.keys)
     return context, subject(wish.rig, rig, policy, scenario)
 

@@ -8,7 +8,6 @@ from rich.console import Console
 
 from hil.console import (
     _ROWS,
-    campaign_table,
     json_row,
     published_row,
     rate_text,
@@ -128,12 +127,6 @@ def test_seeds_give_counts_with_their_exact_interval():
     assert lines(text, "within tolerance  ")[2:] == ["18", "of", "20", "(68-99", "%)"]
     assert "distance" in text
     assert "ground" in text
-
-
-def test_a_campaign_is_a_line_a_scenario():
-    text = shown(campaign_table({"hard-i": [score(), score(1, planar=0.15), crash()], "simple-i": [score()], "x": []}))
-    assert lines(text, "hard-i")[-3:] == ["0.100", "4.20", "0.12"]
-    assert "no runs" in text
 
 
 def test_rates():

@@ -1,0 +1,64 @@
+"""A small campaign, from the command line to its page."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+from hil.runs import list_runs
+
+PERCH_HIL = [sys.executable, "-c", "from hil.cli import main; main()"]
+ASKED = [
+    "campaign",
+    "simple-i",
+    "--policy",
+    "planner",
+    "--policy",
+    "planner-analytic",
+    "--camera",
+    "model",
+    "--jobs",
+    "1",
+]
+
+
+def test_stopped_resumed_counted_and_compared(tmp_path):
+    out = tmp_path / "mine"
+    command = [*PERCH_HIL, *ASKED, "--seeds", "0..1", "--out", str(out)]
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "seed 0" in line:
+            break
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 130 and "Traceback" not in said
+    assert said.splitlines()[-1] == "perch-hil: interrupted; the same command goes on from here"
+    done = [run for run in list_runs(out) if run.manifest["state"] == "finished"]
+    assert 1 <= len(done) < 4
+
+    result = subprocess.run([*command, "--json"], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert f"{len(done)} of 4 flights are in" in result.stderr
+    told = json.loads(result.stdout)
+    assert [(row["policy"], row["runs"]) for row in told["counts"]] == [("planner", 2), ("planner-analytic", 2)]
+    (compared,) = told["comparisons"]
+    assert (compared["policy"], compared["against"]) == ("planner-analytic", "planner")
+    assert "Policies on the same seeds" in (out / "campaign.html").read_text()
+    manifests = [run.manifest for run in list_runs(out) if run.manifest["state"] == "finished"]
+    assert all(manifest["autopilot"]["not_default"] for manifest in manifests)
+
+
+def test_usage(tmp_path):
+    for more, says in (
+        (["--seeds", "5"], "write A..B"),
+        (["--rig", "field"], "real devices"),
+        (["--policy", "planner"], "given twice"),
+    ):
+        command = [*PERCH_HIL, *ASKED, *more, "--out", str(tmp_path / "x")]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert result.returncode == 2 and says in result.stderr and result.stderr.count("\n") == 1
+    assert not (tmp_path / "x").exists()
