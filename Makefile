@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test live lint format bench peer train clean
+.PHONY: help run test live soak lint format bench peer train clean
 
 help: ## show these targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -29,6 +29,11 @@ test: $(VENV)/test ## run the test suite
 
 live: $(VENV)/test ## test the live host, in real time: on a machine that does nothing else
 	$(BIN)/python -m pytest -m live
+
+MINUTES ?= 10
+
+soak: $(VENV)/core ## one long live run (MINUTES=10): is memory flat, does nobody fall behind
+	$(BIN)/perch-hil soak --minutes $(MINUTES)
 
 lint: $(VENV)/dev ## ruff, format and pyright, as pre-commit runs them
 	$(BIN)/pre-commit run --all-files --show-diff-on-failure

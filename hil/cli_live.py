@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
 
 from hil import cli_bus
 
@@ -46,6 +47,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     cli_bus.register(app)
     app.command("replay")(replay)
+    app.command("soak")(soak)
     rigs = typer.Typer(no_args_is_help=True, help="Rigs: what fills each slot.")
     rigs.command("check")(rig_check)
     rigs.command("list")(rig_list)
@@ -78,6 +80,36 @@ def replay(
         raise _fail(str(error)) from None
     print("\n".join(found.lines()))
     raise typer.Exit(0 if found.same else 1)
+
+
+def soak(
+    minutes: Annotated[float, typer.Option(min=1.5, max=24 * 60, help="how long the vehicle hovers")] = 10.0,
+    scenario: Annotated[str, typer.Option(help="what is then flown")] = "hard-i",
+    out: Annotated[Path, typer.Option(help="where the run's folder goes")] = Path("runs"),
+) -> None:
+    """One long live run, everything simulated: is memory flat in every service, does nobody fall behind more and more?
+
+    Exit code: 0 so it is, 1 not, 2 usage, 3 could not run.
+    """
+    from hil.record import RecordingError
+    from hil.runs import RunError
+    from hil.soak import soak as run_soak
+    from hil.soak import table
+    from hil.supervisor import SupervisorError
+
+    try:
+        verdicts, trouble, folder = run_soak(scenario, minutes, out)
+    except ValueError as error:
+        raise _fail(str(error)) from None
+    except (RunError, RecordingError, SupervisorError) as error:
+        raise _fail(str(error), COULD_NOT_RUN) from None
+    Console().print(table(verdicts))
+    print(f"run folder: {folder}")
+    if trouble:
+        raise _fail(f"the soak did not end by itself: {trouble}", COULD_NOT_RUN)
+    bad = [one.service for one in verdicts if one.faults]
+    print(f"soak of {minutes:g} min: " + (f"NOT flat: {', '.join(bad)}" if bad else "memory flat, no growing lateness"))
+    raise typer.Exit(1 if bad else 0)
 
 
 def rig_list() -> None:

@@ -32,7 +32,7 @@ _LAND_LIMIT_S = 25.0
 _HEARD_S = 0.7  # every service says its health twice a second
 _DRIVERS = ("vehicle_link", "car")
 _WITNESS_S = 3.0  # recorded after the driver itself is gone: what autopilot and car do by themselves
-_OVERTIME_S = 150.0  # prepare, lead and margin on top of the scenario's time limit
+_OVERTIME_S = 150.0  # prepare and margin on top of the scenario's lead and time limit
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _fly(
             for service in remote:
                 for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
                     tell("info", line)
-            limit = time.monotonic() + plan.scenario.time_limit + _OVERTIME_S
+            limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
             while ear.stage != "ended":
                 time.sleep(_TURN_S)
                 supervisor.beat()
@@ -228,6 +228,11 @@ def _bring_down(supervisor: Supervisor, ended: _Ended, ear: _Ear | None) -> None
             supervisor.drop_hub()
         _wait(supervisor, lambda: False, _HEARD_S)
         _wait(supervisor, lambda: all(supervisor.safe(driver) for driver in _DRIVERS), _LAND_LIMIT_S)
+        ended.remarks += [
+            f"{driver} did not say within {_LAND_LIMIT_S:.0f} s that what it drives is safe"
+            for driver in _DRIVERS
+            if driver != who and not supervisor.safe(driver)
+        ]
         if who in _DRIVERS:
             _wait(supervisor, lambda: False, _WITNESS_S)
     except KeyboardInterrupt:

@@ -7,6 +7,8 @@ what happened, its recording can be read and replayed, and nobody is left behind
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -16,16 +18,18 @@ from hil import provenance
 from hil.campaign import Plan
 from hil.host.live_run import fly_live
 from hil.host.replay import replay_run
+from hil.left_overs import remove_orphaned_memory
 from hil.reader import Recording
 
 pytestmark = pytest.mark.live
 
-NAMES = {"scenario": "simple-i", "rig": "sim", "policy": None, "camera": "model"}
+NAMES = {"scenario": "simple-ii", "rig": "sim", "policy": None, "camera": "model"}
 CODE = provenance.code()
 
 
-def fly(out, progress=lambda now_ns, what: None):
-    return fly_live(Plan(**NAMES), NAMES, 0, pictures="none", out=out, code=CODE, progress=progress)
+def fly(out, progress=lambda now_ns, what: None, camera="model"):
+    names = {**NAMES, "camera": camera}
+    return fly_live(Plan(**names), names, 0, pictures="none", out=out, code=CODE, progress=progress)
 
 
 def processes(folder):
@@ -49,13 +53,17 @@ def nobody_left(out):
 
 
 class Strike:
-    """A progress callback that hits one service once the run's clock has passed `after_s`."""
+    """A progress callback that hits one service `after_s` into a stage of the run."""
 
-    def __init__(self, out, service, number, after_s=1.5):
-        self.out, self.service, self.number, self.after_ns, self.done = out, service, number, after_s * 1e9, False
+    def __init__(self, out, service, number, stage="attempt", after_s=0.5):
+        self.out, self.service, self.number, self.stage, self.after_ns = out, service, number, stage, after_s * 1e9
+        self.since_ns, self.done = None, False
 
     def __call__(self, now_ns, what):
-        if not self.done and now_ns > self.after_ns:
+        if self.done or not what.startswith(self.stage):
+            return
+        self.since_ns = now_ns if self.since_ns is None else self.since_ns
+        if now_ns - self.since_ns >= self.after_ns:
             self.done = True
             if self.service == "":
                 raise KeyboardInterrupt
@@ -86,25 +94,100 @@ def test_a_live_run_leaves_what_a_lockstep_run_leaves_and_can_be_replayed(tmp_pa
         assert found.same, found.lines()
 
 
-@pytest.mark.parametrize(
-    ("service", "number", "text"),
-    [
-        ("brain", signal.SIGKILL, "brain was killed by SIGKILL"),
-        ("vehicle_link", signal.SIGKILL, "vehicle_link was killed by SIGKILL"),
-        ("recorder", signal.SIGKILL, "recorder was killed by SIGKILL"),
-        ("hub", signal.SIGKILL, "hub was killed by SIGKILL"),
-        ("mocap", signal.SIGSTOP, "mocap"),
-        ("", signal.SIGINT, ""),
-    ],
-)
-def test_a_service_that_dies_or_stops_ends_the_run_safely(tmp_path, service, number, text):
-    live = fly(tmp_path, Strike(tmp_path, service, number))
+KILL, STOP, BUSY = signal.SIGKILL, signal.SIGSTOP, signal.SIGUSR1
+STRUCK = {KILL: "{} was killed by SIGKILL", STOP: "{} does not answer", BUSY: "{} does not answer"}
+SERVICES = (
+    "vehicle_device", "car_device", "mocap", "vehicle_link", "car", "camera", "detector", "brain", "referee",
+    "recorder", "hub",
+)  # fmt: skip
+
+
+@pytest.fixture
+def can_hang(tmp_path, monkeypatch):
+    """Every process of a run started now loops for ever in its main thread once it gets SIGUSR1."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    (folder / "sitecustomize.py").write_text(
+        "import signal\n\n\ndef hang(*_):\n    while True:\n        pass\n\n\nsignal.signal(signal.SIGUSR1, hang)\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+
+
+@pytest.mark.parametrize("number", [KILL, STOP, BUSY], ids=["kill", "stop", "busy"])
+@pytest.mark.parametrize("service", SERVICES)
+def test_a_strike_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
+    out, began, strike = tmp_path / "runs", time.time(), Strike(tmp_path, service, number)
+    live = fly(out, strike, "pictures" if service == "detector" else "model")
+    assert strike.done
     assert nobody_left(tmp_path)
-    run = live.flight.run
-    assert text in live.flight.failure
-    assert live.flight.interrupted == (service == "")
-    assert run.manifest["state"] == ("interrupted" if service == "" else "failed")
-    assert not live.flight.score.within_tolerance
+    assert remove_orphaned_memory(began) == []
+    run, remarks = live.flight.run, live.summary["remarks"]
     recording = Recording(run.path)
-    assert sum(1 for _ in recording.messages(["truth/vehicle"])) > 50
+    said = {name: (run.path / "live" / f"{name}.log").read_text() for name in live.summary["services"]}
+    if (service, number) == ("hub", BUSY):  # its threads go on without the interpreter: the run does not notice
+        assert live.flight.failure == ""
+        assert "hub had to be stopped with SIGKILL" in remarks
+        return
+    assert STRUCK[number].format(service) in live.flight.failure
+    assert run.manifest["state"] == "failed"
+    assert not live.flight.score.within_tolerance
+    truth = [entry.message for entry in recording.messages(["truth/vehicle"])]
+    assert len(truth) > 50
     assert recording.complete == (service != "recorder")
+    if service == "vehicle_device":  # nothing flies any more, and nobody can say so
+        assert any(remark.startswith("vehicle_link did not say") for remark in remarks)
+    elif service == "vehicle_link":  # the autopilot lands by itself
+        assert truth[-1].velocity[2] < -0.2 or truth[-1].position[2] < 0.4
+    elif service == "hub":  # every driver notices by itself
+        for driver in ("vehicle_link", "car"):
+            assert f"{driver}: aborted" in said[driver]
+            assert f"{driver}: safe at the end" in said[driver]
+    else:
+        assert live.summary["services"]["vehicle_link"]["safe"]
+    if service not in ("car_device", "hub", "recorder"):
+        board = [entry.message for entry in recording.messages(["truth/board"])]
+        assert max(message.speed for message in board) > 0.3
+        assert abs(board[-1].speed) < 0.1
+
+
+@pytest.mark.parametrize("stage", ["waiting", "attempt"])
+def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
+    began = time.time()
+    live = fly(tmp_path, Strike(tmp_path, "", 0, stage, 0.0))
+    assert nobody_left(tmp_path)
+    assert remove_orphaned_memory(began) == []
+    run = live.flight.run
+    assert live.flight.interrupted
+    assert run.manifest["state"] == "interrupted"
+    if stage == "attempt":
+        assert Recording(run.path).complete
+        assert live.summary["services"]["vehicle_link"]["safe"]
+
+
+def test_services_whose_supervisor_is_killed_come_to_the_safe_state_by_themselves(tmp_path):
+    with (tmp_path / "said").open("wb") as said:
+        run = subprocess.Popen(
+            [Path(sys.executable).with_name("perch-hil"), "run", "simple-ii", "--camera", "model", "--live",
+             "--pictures", "none", "--out", tmp_path / "runs"], stdout=said, stderr=said,
+        )  # fmt: skip
+    until = time.monotonic() + 120.0
+    while not any(path.stat().st_size > 150_000 for path in tmp_path.glob("runs/*/run.mcap")):  # it flies
+        assert time.monotonic() < until
+        assert run.poll() is None, (tmp_path / "said").read_text()
+        time.sleep(0.05)
+    run.kill()
+    run.wait()
+    until = time.monotonic() + 60.0
+    while processes(tmp_path):
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    (path,) = (tmp_path / "runs").iterdir()
+    for driver in ("vehicle_link", "car"):
+        text = (path / "live" / f"{driver}.log").read_text()
+        assert f"{driver}: aborted" in text
+        assert "the supervisor is gone" in text
+        assert f"{driver}: safe at the end" in text
+    recording = Recording(path)
+    assert recording.complete
+    last = [entry.message for entry in recording.messages(["vehicle/status"])][-1]
+    assert not last.armed
