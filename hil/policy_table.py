@@ -26,7 +26,7 @@ def _published(row: Row, stage: str) -> SimulatedRow | None:
 
 
 def policy_data(rows: list[Row], stage: str) -> list[dict[str, Any]]:
-    """The rows as plain data with their exact 95 % interval (percent) and the paper's row; a mean over nothing is None."""
+    """The rows as plain data, with their exact 95 % interval (percent) and the paper's row; no mean is None."""
     found = []
     for row, data in zip(rows, as_data(rows), strict=True):
         low, high = interval(row.hits, row.episodes)
@@ -50,12 +50,11 @@ def policy_table(rows: list[Row], stage: str, title: str, width: int) -> Table:
         grid.add_column("failures")
     for row in rows:
         low, high = interval(row.hits, row.episodes)
-        more = f"{row.normal_speed_5:.2f}-{row.normal_speed_95:.2f}", f"{row.seen:.0f}", _failures(row)
-        grid.add_row(
-            row.name, f"{row.success:.2f}", f"{100 * low:.1f}-{100 * high:.1f}", f"{row.duration:.2f}",
-            f"{row.position_error:.3f}", f"{row.normal_error:.3f}", f"{row.tangential_speed:.3f}",
-            f"{row.normal_speed:.2f}", *(more if width >= _WIDE else ()),
-        )  # fmt: skip
+        means = (row.duration, 2), (row.position_error, 3), (row.normal_error, 3), (row.tangential_speed, 3)
+        shown = [f"{value:.{digits}f}" if row.hits else "-" for value, digits in (*means, (row.normal_speed, 2))]
+        middle = f"{row.normal_speed_5:.2f}-{row.normal_speed_95:.2f}" if row.hits else "-"
+        more = (middle, f"{row.seen:.0f}", _failures(row)) if width >= _WIDE else ()
+        grid.add_row(row.name, f"{row.success:.2f}", f"{100 * low:.1f}-{100 * high:.1f}", *shown, *more)
         said = _published(row, stage)
         if said is not None:
             grid.add_row(
