@@ -15,7 +15,7 @@ from urllib.parse import quote
 from hil.view import ViewerError, address, free_port, has_display, rerun, spawn_viewer, stop_viewer
 from hil.view_tap import Feed, FeedSpec, yield_to_others
 
-_START_S = 10.0
+_START_S = 30.0
 
 
 class RunViewer:

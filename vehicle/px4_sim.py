@@ -224,12 +224,20 @@ class Px4Sim:
         """Velocity of the air (m/s, world) from now on."""
         self.flight.row[WIND : WIND + 3] = velocity
 
-    def attach(self, board_position: Vec3, board_orientation: Quat, stamp_ns: int | None = None) -> None:
+    def attach(
+        self,
+        board_position: Vec3,
+        board_orientation: Quat,
+        stamp_ns: int | None = None,
+        board_velocity: Vec3 = (0.0, 0.0, 0.0),
+        board_turn_rate: float = 0.0,
+    ) -> None:
         """The magnet holds: from the first call on the vehicle keeps its pose in the board's frame.
 
         Call again with every new pose of the board (m, world; quaternion world from board); between calls the vehicle
         moves on with the board's last motion. `stamp_ns` is when the pose is true, on `step`'s clock (None: as of the
-        last step); a pose for the step to come would otherwise put the vehicle ahead by one step. `detach` lets go.
+        last step); a pose for the step to come would otherwise put the vehicle ahead by one step. Velocity (m/s, world)
+        and turn rate (rad/s, about the vertical) count at the first call only: later two poses tell. `detach` lets go.
         """
         row, now = self.flight.row, self.flight.now_ns
         stamp = now if stamp_ns is None or self._boot_ns is None else stamp_ns - self._boot_ns
@@ -239,7 +247,9 @@ class Px4Sim:
             turn = multiply(conjugate(board), tuple(row[Q : Q + 4].tolist()))
             self._grip = (rotate_back(board, *offset.tolist()), normalise(turn))
             self.flight.situation[ATTACHED] = 1.0
-            row[V : V + 3] = row[W : W + 3] = 0.0
+            spin = (0.0, 0.0, board_turn_rate)
+            row[V : V + 3] = np.array(board_velocity) + np.cross(spin, offset)
+            row[W : W + 3] = rotate_back(tuple(row[Q : Q + 4].tolist()), *spin)
         offset, turn = self._grip
         row[P : P + 3] = np.array(board_position) + rotate(board, *offset)
         row[Q : Q + 4] = normalise(multiply(board, turn))

@@ -157,7 +157,7 @@ class VehicleDevice:
         contact: Contact | None = inbox.latest("referee/contact")
         board: BoardState | None = inbox.latest("truth/board")
         if contact is not None and contact.attached and board is not None:
-            self._sim.attach(board.position, board.orientation, board.stamp_ns)
+            self._sim.attach(board.position, board.orientation, board.stamp_ns, board.velocity, board.turn_rate)
         if self._wind is not None:
             self._sim.set_wind(self._wind.at(now_ns))
         self._sim.step(now_ns)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from hil.report.charts import ASKED, BAD, BOARD, VEHICLE, TimePlot
 from hil.report.columns import Columns
@@ -38,28 +39,39 @@ def build(recorded: Recorded) -> Section:
     low, high = thrust if isinstance(thrust, list) and len(thrust) == 2 else (None, None)
     for axis, name in enumerate(("roll rate p", "pitch rate q", "yaw rate r")):
         plot = TimePlot(f"rate-{axis}", f"Body {name}", "rad/s", height=120)
-        _both(plot, asked, sent, lambda c, axis=axis: c["body_rate"][:, axis])
+        _both(plot, recorded, asked, sent, lambda c, axis=axis: c["body_rate"][:, axis])
         if achieved is not None:
             plot.add("achieved", BOARD, achieved.nanoseconds(), achieved["body_rate"][:, axis])
         _limits(plot, limits.get("rate"))
         _keep(plot, recorded, limits.get("rate"))
         section.plot(plot)
     plot = TimePlot("thrust", "Mass-normalised collective thrust", "m/s²", height=140)
-    _both(plot, asked, sent, lambda c: c["thrust"])
+    _both(plot, recorded, asked, sent, lambda c: c["thrust"])
     if recorded.vehicle is not None:
-        plot.add("achieved, from velocity", BOARD, recorded.vehicle.t, specific_thrust(recorded.vehicle))
+        t, achieved = recorded.vehicle.t, specific_thrust(recorded.vehicle)
+        if recorded.decided_ns:  # what the impact does to the velocity is no thrust
+            achieved = np.where(t <= recorded.decided_ns, achieved, np.nan)
+        plot.add("achieved, from velocity", BOARD, t, achieved)
     plot.lines += [(float(v), f"gate, {side}") for v, side in ((low, "least"), (high, "most")) if v is not None]
     _keep(plot, recorded, high, low=0.0)
     section.plot(plot)
+    if recorded.decided_ns and asked is not None and (asked.nanoseconds() > recorded.decided_ns).any():
+        section.html(
+            Markup(
+                '<p class="small">The policy goes on after the verdict; nobody listens then, so it is not drawn.</p>'
+            )
+        )
     if sent is not None:
         _counts(section, recorded, sent)
     return section
 
 
-def _both(plot: TimePlot, asked: Columns | None, sent: Columns | None, values: Any) -> None:
+def _both(plot: TimePlot, recorded: Recorded, asked: Columns | None, sent: Columns | None, values: Any) -> None:
     if asked is not None:
-        engaged = asked["engaged"] > 0
-        plot.add("asked", ASKED, asked.nanoseconds(), np.where(engaged, values(asked), np.nan), "dash")
+        heard = asked["engaged"] > 0
+        if recorded.decided_ns:
+            heard &= asked.nanoseconds() <= recorded.decided_ns
+        plot.add("asked", ASKED, asked.nanoseconds(), np.where(heard, values(asked), np.nan), "dash")
     if sent is not None:
         went = np.array([not m.tripped for m in sent.messages])
         plot.add("sent", VEHICLE, sent.nanoseconds(), np.where(went, values(sent), np.nan), "step")

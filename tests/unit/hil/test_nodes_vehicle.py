@@ -165,8 +165,8 @@ class FakeSim:
     def __init__(self):
         self.calls = []
 
-    def attach(self, position, orientation, stamp_ns):
-        self.calls.append(("attach", position, stamp_ns))
+    def attach(self, position, orientation, stamp_ns, velocity, turn_rate):
+        self.calls.append(("attach", position, stamp_ns, velocity, turn_rate))
 
     def step(self, now_ns):
         self.calls.append(("step", now_ns))
@@ -180,8 +180,11 @@ class FakeSim:
 def test_the_device_rides_on_the_board_once_the_magnet_holds():
     sim = FakeSim()
     node = VehicleDevice(sim)
-    board = BoardState(0, (4.0, 5.0, 1.5), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+    board = BoardState(0, (4.0, 5.0, 1.5), (2.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.0, 2.0, 0.3)
     for verdict in ((), (contact("ongoing"),), (contact("fail"),), (contact("success", attached=True),)):
         (out,) = node.step(NOW, filled(node, ("truth/board", board), *verdict))
         assert (out.topic, out.message.stamp_ns, out.message.position) == ("truth/vehicle", NOW, (1.0, 2.0, 3.0))
-    assert sim.calls == [("step", NOW)] * 3 + [("attach", (4.0, 5.0, 1.5), 0), ("step", NOW)]
+    assert sim.calls == [("step", NOW)] * 3 + [
+        ("attach", (4.0, 5.0, 1.5), 0, (2.0, 0.0, 0.0), 0.3),
+        ("step", NOW),
+    ]

@@ -144,6 +144,20 @@ def test_the_magnet_holds_the_pose_in_the_boards_frame():
     assert not rig.sim.truth().attached
 
 
+def test_at_contact_the_vehicle_takes_the_boards_velocity_at_once():
+    """A sample of zero velocity in between would be a spike of hundreds of m/s^2 in every chart."""
+    rig = Rig().fly_to_hover()
+    level = (1.0, 0.0, 0.0, 0.0)
+    p = tuple((rig.sim.row[P : P + 3] - np.array([0.0, 0.3, 0.0])).tolist())
+    rig.sim.attach(p, level, rig.now, (2.0, 0.0, 0.0), 0.5)
+    at_once = np.array(rig.sim.truth().velocity)
+    assert at_once == pytest.approx([2.0 - 0.5 * 0.3, 0.0, 0.0], abs=1e-9)
+    before = rig.sim.row[P : P + 3].copy()
+    rig.run(4)
+    assert rig.sim.row[P : P + 3] - before == pytest.approx(0.004 * at_once, abs=1e-5)
+    assert rig.sim.truth().velocity == pytest.approx(at_once, abs=0.01)
+
+
 def test_between_board_poses_the_vehicle_moves_on_with_the_board():
     rig = Rig().fly_to_hover()
     for i in range(20):

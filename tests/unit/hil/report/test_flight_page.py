@@ -55,6 +55,18 @@ def test_plots_hold_what_was_recorded(full, golden):
     assert abs(np.interp(contact, t, y)) < 0.02  # at contact the magnet is on the board
 
 
+def test_commands_end_with_the_verdict(full, golden):
+    decided = full.data["flights"][0]["decided"]
+    went_on = load(golden).topics["policy/action"].nanoseconds()[-1]
+    assert float(load(golden).seconds(went_on)) > decided + 0.1  # the policy does not know that it has perched
+    for key in ("rate-0", "rate-1", "rate-2", "thrust"):
+        t, y = full.series(key, "asked")
+        assert np.isfinite(y[t < decided - 0.02]).any() and not np.isfinite(y[t > decided + 0.001]).any()
+    t, y = full.series("thrust", "achieved, from velocity")
+    assert not np.isfinite(y[t > decided + 0.001]).any()
+    assert "nobody listens then" in full.text
+
+
 def test_touchdown_agrees_with_the_referee(golden):
     recorded = load(golden)
     seen, metrics = recorded.approach, recorded.score["metrics"]
