@@ -239,7 +239,8 @@ def mounted_cameras(slot: CameraSlot, frame: af.Airframe, drawn: Drawn) -> tuple
     a recording is taken to be of a run with the same drawn numbers."""
     offset, tilt = frame.camera.offset, math.radians(frame.camera.tilt_deg)
     if slot.kind in ("v4l2", "gstreamer"):
-        camera = Camera(offset=offset, tilt=tilt)
+        found = slot.calibration.model_dump(exclude={"distortion"})
+        camera = Camera(**found, offset=offset, tilt=tilt)
         return camera, camera
     true = Camera(offset=offset, tilt=tilt + drawn.camera_tilt_offset)
     return true, replace(true, tilt=true.tilt + drawn.camera_tilt_error)

@@ -64,6 +64,21 @@ class GroundcarSlot(_Section):
     wire_delay_ms: float = Field(default=1.0, ge=0, le=100, description="one way, each direction; in lockstep")
 
 
+class Calibration(_Section):
+    """A real camera's, as OpenCV's calibration gives it: px, pixel centres at integers; k1, k2, p1, p2, k3.
+
+    Pictures are freed of their distortion before anybody sees them. The defaults are the paper's ideal camera.
+    """
+
+    width: int = Field(default=1280, ge=160, le=4096)
+    height: int = Field(default=720, ge=120, le=4096)
+    fx: float = Field(default=723.9, gt=0)
+    fy: float = Field(default=723.6, gt=0)
+    cx: float = 639.5
+    cy: float = 359.5
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class CameraSlot(_Section):
     """The camera; `pictures` are rendered and detected, `model` is the paper's visibility gate and noise.
 
@@ -85,6 +100,7 @@ class CameraSlot(_Section):
     stamp_offset_ms: float = Field(
         default=0.0, ge=-100, le=100, description="from the driver's stamp to the middle of the exposure; measure it"
     )
+    calibration: Calibration = Calibration()
     model_processing_ms: float = Field(default=8.0, ge=0, le=200, description="detection time, with source = model")
     model_noise: Literal["paper", "measured"] = "paper"
 
@@ -94,6 +110,8 @@ class CameraSlot(_Section):
             raise ValueError(f'kind "{self.kind}" {"needs a device" if self.kind != "sim" else "has no device"}')
         if self.kind != "sim" and self.source == "model":
             raise ValueError('source "model" stands for a camera that is simulated')
+        if self.kind not in ("v4l2", "gstreamer") and self.calibration != Calibration():
+            raise ValueError(f'a camera of kind "{self.kind}" brings its own calibration: leave the table out')
         return self
 
 

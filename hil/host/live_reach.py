@@ -12,7 +12,6 @@ from hil.wires.camera_kinds import open_camera
 from hil.wires.can import open_can
 from hil.wires.mocap_vrpn import VrpnMocap
 from hil.wires.url import open_url
-from vehicle.camera import Camera
 from vehicle.px4_codec import Parser
 
 LISTEN_S = 3.0
@@ -82,10 +81,10 @@ def _camera(rig: Rig) -> Reached:
     slot = rig.camera
     if slot.kind == "sim":
         return Reached("camera", "sim", True, f"simulated, {slot.source}")
-    size, trouble = Camera(), ""
+    trouble = ""
     for rate in _CAMERA_HZ:
         try:
-            camera = open_camera(slot, Mode(size.width, size.height, rate))
+            camera = open_camera(slot, Mode(slot.calibration.width, slot.calibration.height, rate))
         except WireError as error:
             trouble = trouble or str(error)
         else:

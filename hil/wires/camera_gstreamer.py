@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
 
@@ -85,7 +86,9 @@ class PipeCapture:
         self._words.close()
 
 
-def open_gstreamer(pipeline: str, mode: Mode, *, arrival_delay_ms: float) -> NewestPicture:
+def open_gstreamer(
+    pipeline: str, mode: Mode, *, arrival_delay_ms: float, correct: Callable[[np.ndarray], np.ndarray] | None = None
+) -> NewestPicture:
     """The camera at the end of `pipeline`, which is given without a sink. Raises WireError.
 
     A pipeline that cannot deliver `mode` is refused by GStreamer itself, whose words are quoted.
@@ -102,7 +105,7 @@ def open_gstreamer(pipeline: str, mode: Mode, *, arrival_delay_ms: float) -> New
         capture = OpenCvCapture(opened, stamped=False)
     else:
         capture = PipeCapture(pipeline, mode)
-    camera = NewestPicture(capture, mode, source, arrival_delay_ns=round(arrival_delay_ms * 1e6))
+    camera = NewestPicture(capture, mode, source, arrival_delay_ns=round(arrival_delay_ms * 1e6), correct=correct)
     return wait_for_picture(camera, limit_s=10.0)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -49,6 +50,7 @@ def open_v4l2(
     arrival_delay_ms: float,
     stamped: bool,
     stamp_offset_ms: float,
+    correct: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> NewestPicture:
     """The camera at `device`, in `mode` and no other. Raises WireError saying what it grants instead, or why not.
 
@@ -72,6 +74,7 @@ def open_v4l2(
         device,
         arrival_delay_ns=round(arrival_delay_ms * 1e6),
         stamp_offset_ns=round(stamp_offset_ms * 1e6),
+        correct=correct,
     )
     return wait_for_picture(camera)
 

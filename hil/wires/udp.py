@@ -87,6 +87,10 @@ class UdpWire:
                 items.append(data)
         return items
 
+    def fileno(self) -> int:
+        """The socket's descriptor, to wait for what comes."""
+        return self._socket.fileno()
+
     def close(self) -> None:
         """Give the port back; may be called twice."""
         self._closed = True

@@ -1,6 +1,7 @@
 """Live runs with devices in them: a camera that goes away in the middle, and motion capture over VRPN in the loop."""
 
 import os
+import socket
 import stat
 import sys
 import textwrap
@@ -15,6 +16,7 @@ from hil.campaign import Plan
 from hil.host.live_run import fly_live
 from hil.platform_motion import hover_start, start_platform
 from hil.reader import Recording
+from hil.supervisor import SupervisorError
 from hil.view import free_port
 from scenarios.draw import draw
 from scenarios.spec import load
@@ -81,6 +83,23 @@ def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monke
     assert live.flight.counters["cameras lost"] == 1
     statuses = [e.message for e in recording.messages(["vehicle/status"])]
     assert not statuses[-1].armed
+
+
+@pytest.mark.parametrize(
+    ("rig", "told"),
+    [
+        ('[camera]\nkind = "v4l2"\ndevice = "/dev/video77"', "camera ended with exit code 3: .*no camera /dev/video77"),
+        ('[vehicle]\nkind = "mavlink"\nurl = "udp://:{port}"', "vehicle_link ended with .* 3: .*{port}.* is in use"),
+        ('[groundcar]\nkind = "can"\nchannel = "nocan9"', "car ended with exit code 3: .*CAN socketcan nocan9"),
+    ],
+)  # fmt: skip
+def test_what_is_not_there_ends_the_run_before_anything_moves_in_one_line(tmp_path, rig, told):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("0.0.0.0", 0))
+        port = str(other.getsockname()[1])
+        with pytest.raises(SupervisorError, match=told.replace("{port}", port)) as raised:
+            fly(tmp_path, 'title = "mine"\n' + rig.replace("{port}", port), names={"camera": None})
+    assert "\n" not in str(raised.value)
 
 
 class Mirror(threading.Thread):

@@ -109,6 +109,26 @@ def test_when_the_brain_dies_the_vehicle_lands_and_disarms(site, tmp_path):
     assert told["position"][2] < 0.2
 
 
+def test_an_autopilot_that_falls_silent_in_flight_is_told_and_the_recording_stays_whole(site, tmp_path):
+    port, names = site
+    process = subprocess.Popen([sys.executable, str(PROGRAM), str(port), "0.97"], stdout=subprocess.PIPE, text=True)
+
+    def strike(now_ns, stage):
+        if stage == "attempt" and process.poll() is None:
+            process.kill()
+
+    try:
+        assert process.stdout.readline() == "booted\n"
+        live = fly(names, tmp_path / "runs", strike)
+    finally:
+        process.kill()
+        process.communicate(timeout=20)
+    assert "is silent on" in live.flight.failure
+    assert live.flight.run.manifest["state"] == "failed"
+    assert "link lost: no HEARTBEAT for 3 s" in said(live.flight.run)
+    assert Recording(live.flight.run.path).complete
+
+
 def service(folder, name):
     """The pid of the process that serves `name` in a run below `folder`."""
     for path in Path("/proc").glob("[0-9]*/cmdline"):

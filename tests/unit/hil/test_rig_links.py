@@ -10,7 +10,7 @@ import pytest
 from hil.assembly import Assembly, mounted_cameras
 from hil.host.live_reach import reach
 from hil.host.live_spec import services, simulated_twin
-from hil.rig import CameraSlot, Rig, list_rigs, load_rig
+from hil.rig import Calibration, CameraSlot, Rig, list_rigs, load_rig
 from hil.simulation import build
 from hil.view import free_port
 from hil.wire import CanFrame
@@ -183,6 +183,9 @@ def test_the_camera_of_a_device_is_the_airframe_s_without_drawn_errors():
     true, calibrated = mounted_cameras(CameraSlot(kind="v4l2", device="/dev/video0"), frame, drawn)
     assert true == calibrated
     assert math.degrees(true.tilt) == pytest.approx(frame.camera.tilt_deg)
+    own = Calibration(width=640, height=480, fx=500.0, fy=501.0, cx=320.0, cy=240.0)
+    _, calibrated = mounted_cameras(CameraSlot(kind="gstreamer", device="x", calibration=own), frame, drawn)
+    assert (calibrated.width, calibrated.fx, calibrated.cy) == (640, 500.0, 240.0)
     true, calibrated = mounted_cameras(CameraSlot(), frame, drawn)
     assert calibrated.tilt - true.tilt == pytest.approx(drawn.camera_tilt_error)
 
