@@ -6,6 +6,7 @@ import os
 import select
 import struct
 from collections import deque
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -29,9 +30,13 @@ class Letter(NamedTuple):
 class Mailbox:
     """Letters for one service. Callbacks only append; the newest picture wins; `wait` sleeps until something comes."""
 
-    def __init__(self, depth: int = _DEPTH, pictures: int = 1) -> None:
-        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted."""
+    def __init__(self, depth: int = _DEPTH, pictures: int = 1, urgent: Iterable[str] | None = None) -> None:
+        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted.
+
+        `urgent`: topics that end a `wait`; the others lie until somebody looks anyway. None: all do.
+        """
         self._depth, self._pictures = depth, pictures
+        self._urgent = None if urgent is None else frozenset(urgent)
         self._queues: dict[str, deque[tuple[int, bytes, bytes]]] = {}
         self._arrivals = 0
         self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -49,18 +54,23 @@ class Mailbox:
             self.dropped[topic] = self.dropped.get(topic, 0) + 1
         self._arrivals += 1
         queue.append((self._arrivals, payload, stamp))
-        self.wake()
+        if self._urgent is None or topic in self._urgent:
+            self.wake()
 
     def wake(self) -> None:
         """End a `wait` now."""
         with suppress(BlockingIOError, OSError):
             os.eventfd_write(self._fd, 1)
 
-    def wait(self, timeout_ns: int) -> None:
-        """Sleep until a letter comes, at most `timeout_ns`."""
-        select.select([self._fd], [], [], max(0, timeout_ns) * 1e-9)
+    def wait(self, timeout_ns: int, also: Iterable[int] = ()) -> list[int]:
+        """Sleep until a letter comes or there is something to read from a descriptor of `also`, at most `timeout_ns`.
+
+        Returns which of them.
+        """
+        ready, _, _ = select.select([self._fd, *also], [], [], max(0, timeout_ns) * 1e-9)
         with suppress(BlockingIOError):
             os.eventfd_read(self._fd)
+        return [fd for fd in ready if fd != self._fd]
 
     def drain(self) -> list[Letter]:
         """What has come, in the order of arrival. What is no message of its topic is counted in `garbage`."""

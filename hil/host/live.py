@@ -10,7 +10,7 @@ from __future__ import annotations
 import heapq
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,8 @@ from hil.node import Inbox, Node, Out
 from hil.receipts import ReceiptBook
 
 LATE_NS = 2_000_000  # a step that begins this long after its deadline is late
+WIRE_PERIOD_NS = 10_000_000
+_WIRE_REST_NS = 1_000_000  # a flood on a wire may not keep its driver busy
 _HEALTH_NS = 500_000_000
 _IDLE_NS = 100_000_000
 _SAFE_LIMIT_NS = 20_000_000_000
@@ -51,7 +53,9 @@ class _Seat:
     node: Node
     inbox: Inbox
     numbers: dict[str, list[int]]
+    period_ns: int
     pace: Pace = field(default_factory=Pace)
+    quiet_ns: int = 0  # until then its wire does not wake it again
 
 
 class LiveService:
@@ -69,12 +73,26 @@ class LiveService:
         trouble: Callable[[], list[str]] = list,
         counters: Callable[[], dict[str, int]] = dict,
         serves: str = "",
+        descriptors: Mapping[int, str] | None = None,
     ) -> None:
-        """`presence` watches for the supervisor; `serves` is the digest of the run that this process was built for."""
+        """`presence` watches for the supervisor; `serves` is the digest of the run that this process was built for.
+
+        `descriptors`: of wires that wake a node, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
+        """
         self.name, self._bus, self._book, self._time, self._serves = name, bus, book, run_time, serves
         self._presence = presence or Presence()
         self._trouble, self._counters = trouble, counters
-        self._seats = [_Seat(n, Inbox(n.inputs), {t: [] for t in n.inputs}) for n in nodes]
+        woken = set((descriptors or {}).values())
+        self._seats = [
+            _Seat(
+                n, Inbox(n.inputs), {t: [] for t in n.inputs},
+                max(n.period_ns, WIRE_PERIOD_NS if n.name in woken else 0) if n.period_ns else 0,
+            )
+            for n in nodes
+        ]  # fmt: skip
+        self._wired = {
+            fd: rank for fd, name in (descriptors or {}).items() for rank, n in enumerate(nodes) if n.name == name
+        }
         self._readers: dict[str, list[int]] = {}
         self._wakes: dict[str, list[int]] = {}
         for rank, node in enumerate(nodes):
@@ -82,7 +100,7 @@ class LiveService:
                 self._readers.setdefault(topic, []).append(rank)
             for topic in node.wakes:
                 self._wakes.setdefault(topic, []).append(rank)
-        self._mailbox = Mailbox()
+        self._mailbox = Mailbox(urgent=self._wakes)
         produced = {topic for node in nodes for topic in node.outputs}
         for node in nodes:  # what is made in this process is handed over in it
             bus.subscribe(node.name, [t for t in node.inputs if t not in produced], self._mailbox)
@@ -139,7 +157,7 @@ class LiveService:
 
     def run(self) -> None:
         """Step the nodes from the run's start until stopped, aborted or orphaned."""
-        self._ticks = [(0, rank) for rank, seat in enumerate(self._seats) if seat.node.period_ns]
+        self._ticks = [(0, rank) for rank, seat in enumerate(self._seats) if seat.period_ns]
         heapq.heapify(self._ticks)
         while not self._stop:
             now = self._now()
@@ -148,15 +166,24 @@ class LiveService:
                 due = min(due, self._ticks[0][0])
             if self._delayed:
                 due = min(due, self._delayed[0][0])
-            if due > now:
-                self._mailbox.wait(due - now)
-            self._turn()
+            listening = []
+            for fd, rank in self._wired.items():
+                quiet_ns = self._seats[rank].quiet_ns
+                if quiet_ns <= now:
+                    listening.append(fd)
+                else:
+                    due = min(due, quiet_ns)
+            ready = self._mailbox.wait(due - now, listening) if due > now else []
+            self._turn([self._wired[fd] for fd in ready])
 
-    def _turn(self) -> None:
+    def _turn(self, woken: Sequence[int] = ()) -> None:
         for order in self._take_orders():
             if order.get("order") == "abort" and self._abort_ns is None:
                 self._abort(str(order.get("why", "")))
         self._read()
+        for rank in woken:
+            self._seats[rank].quiet_ns = self._now() + _WIRE_REST_NS
+            self._step(rank, self._now())
         while self._ticks and self._ticks[0][0] <= self._now():
             self._tick()
         while self._delayed and self._delayed[0][0] <= self._now():
@@ -225,7 +252,7 @@ class LiveService:
     def _tick(self) -> None:
         due, rank = self._ticks[0]
         seat, now = self._seats[rank], self._now()
-        period = seat.node.period_ns
+        period = seat.period_ns
         seat.pace.note(now - due, period)
         due += (now - due) // period * period
         heapq.heapreplace(self._ticks, (due + period, rank))

@@ -7,6 +7,7 @@ import gc
 import os
 import signal
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -29,11 +30,25 @@ from hil.wires import WireError
 COULD_NOT_RUN = 3
 _PR_SET_PDEATHSIG = 1
 _NICE = -11
+_PATIENCE_S = 40.0  # more than anybody takes to reach the safe state
 
 
 def die_with_parent() -> None:
     """Be told (SIGTERM) when the process that started this one is gone, however it went."""
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def last_resort(patience_s: float = _PATIENCE_S) -> None:
+    """End a process that hangs although its parent has been gone for `patience_s`: nobody is left to do it."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        time.sleep(patience_s)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def hurry() -> None:
@@ -61,7 +76,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
         live = LiveService(
             service, nodes, bus, run_time, presence=presence, book=book, trouble=lambda: wires.trouble,
-            counters=lambda: counters(nodes), serves=spec.digest(plan),
+            counters=lambda: counters(nodes), serves=spec.digest(plan), descriptors=wires.descriptors,
         )  # fmt: skip
 
         def stop(_: int, __: FrameType | None) -> None:
@@ -86,6 +101,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
 def main() -> int:
     """Read the spec and serve."""
     die_with_parent()
+    last_resort()
     service = sys.argv[2]
     try:
         spec = LiveSpec.read(Path(sys.argv[1]))

@@ -59,7 +59,7 @@ def record(spec: LiveSpec) -> int:
     camera = Assembly(plan.scenario, twin, spec.draw(plan), plan.make_policy, MemoryWires(twin, lambda: 0)).camera
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
     state, presence = {"stop": False, "orders": []}, Presence()
-    mailbox, sorter, seen = Mailbox(depth=8192, pictures=60), Sorter(), _Seen()
+    mailbox, sorter, seen = Mailbox(depth=8192, pictures=60, urgent=()), Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
         state["stop"] = not presence.gone()

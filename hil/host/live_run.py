@@ -47,7 +47,7 @@ class _Ear:
     """What the supervisor follows itself: stages and errors."""
 
     def __init__(self, bus: Bus, progress: Callable[[int, str], None]) -> None:
-        self._mailbox, self._progress = Mailbox(), progress
+        self._mailbox, self._progress = Mailbox(urgent=()), progress
         bus.subscribe("supervisor", ("run/stage", "event", "vehicle/status"), self._mailbox)
         self.stage, self.errors = "prepare", []
 

@@ -45,12 +45,13 @@ class LiveWires:
     def __init__(self, rig: Rig, ports: Ports) -> None:
         self._rig, self._ports = rig, ports
         self._opened: list[Any] = []
+        self.descriptors: dict[int, str] = {}  # to be waited for -> the driver that reads it; others are looked at
 
     def vehicle_link(self) -> Any:
         slot, ports = self._rig.vehicle, self._ports
         if slot.kind == "mavlink":
-            return self._keep(open_url(slot.url))
-        return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"))
+            return self._keep(open_url(slot.url), "vehicle_link")
+        return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
 
     def vehicle_device(self) -> Any:
         # as PX4 does: speaks first to a default address, keeps its first partner, hears everybody
@@ -73,8 +74,10 @@ class LiveWires:
         host = self._ports.host
         return CanOverUdp(UdpWire((host, here), (host, there), partner="fixed"))
 
-    def _keep(self, wire: Any) -> Any:
+    def _keep(self, wire: Any, driver: str = "") -> Any:
         self._opened.append(wire)
+        if driver and hasattr(wire, "fileno"):
+            self.descriptors[wire.fileno()] = driver
         return wire
 
     @property
