@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
-
-from hil.messages import Action
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 BIN_MS = 5.0
 
 
-def latencies_ns(messages: Iterable[tuple[int, str, Any]]) -> list[int]:
-    """For every picture that moved an action: publication of the first action behind which it stands, less its
-    exposure. `messages`: (log_ns, topic, message); others than policy/action are passed over."""
+class Latency(NamedTuple):
+    """One picture's way, ns from the middle of its exposure: to its detection published, to the first action behind
+    which it stands published. `detected_ns` is 0 where no detection was recorded."""
+
+    detected_ns: int
+    acted_ns: int
+
+
+def latencies(messages: Iterable[tuple[int, str, Any]]) -> list[Latency]:
+    """Of every picture that moved an action. `messages`: (log_ns, topic, message) in the order of time; others than
+    policy/action and board/detection are passed over."""
     newest, found = 0, []
+    detected: dict[int, int] = {}  # exposure -> publication
     for log_ns, topic, message in messages:
-        if topic != "policy/action":
-            continue
-        action: Action = message
-        if action.exposure_ns > newest:
-            newest = action.exposure_ns
-            found.append(log_ns - action.exposure_ns)
+        if topic == "board/detection":
+            detected[message.stamp_ns] = log_ns
+        elif topic == "policy/action" and message.exposure_ns > newest:
+            newest = message.exposure_ns
+            found.append(Latency(detected.get(newest, newest) - newest, log_ns - newest))
     return found
 
 
@@ -41,6 +47,19 @@ def summary(samples_ns: list[int]) -> dict[str, Any]:
         "count": len(ordered), "p50_ms": percentile(0.5), "p90_ms": percentile(0.9), "p99_ms": percentile(0.99),
         "max_ms": round(ordered[-1] / 1e6, 2), "histogram_ms": bins,
     }  # fmt: skip
+
+
+def table(found: Sequence[Latency]) -> dict[str, Any]:
+    """The summary of the whole way, and of its two parts: what control waits for its next tick is in the second."""
+    parts = [one for one in found if one.detected_ns]
+    return summary([one.acted_ns for one in found]) | {
+        "to_detection": _short(summary([one.detected_ns for one in parts])),
+        "then_to_action": _short(summary([one.acted_ns - one.detected_ns for one in parts])),
+    }
+
+
+def _short(whole: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in whole.items() if key != "histogram_ms"}
 
 
 def bars(table: dict[str, Any], width: int = 40) -> list[str]:

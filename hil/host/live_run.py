@@ -15,7 +15,8 @@ from hil.bus import Bus, Mailbox
 from hil.bus_clock import DateWatch
 from hil.campaign import Plan
 from hil.flight import Flight
-from hil.host.live_latency import latencies_ns, summary
+from hil.host.live_latency import latencies
+from hil.host.live_latency import table as latency_table
 from hil.host.live_spec import LiveSpec, services
 from hil.host.live_time import clock_lines
 from hil.host.live_wires import free_ports
@@ -253,7 +254,7 @@ def _judge(run: Run, plan: Plan, seed: int, ended: _Ended) -> tuple[Score, dict[
         recording = Recording(run.recording)
         messages = list(recording.messages([t for t in _SCORED if "/perch/" + t in recording.topics]))
         score = score_messages(plan.scenario, seed, messages)
-        latency = summary(latencies_ns(messages))
+        latency = latency_table(latencies(messages))
     except ReadError as error:
         ended.trouble = ended.trouble or str(error)
         score, latency = Scorer(plan.scenario, seed).result(), {"count": 0}
