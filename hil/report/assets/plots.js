@@ -179,7 +179,7 @@
       const clip = this.spec.id + "-clip";
       make("rect", { x: LEFT, y: TOP, width: right - LEFT, height: bottom - TOP },
         make("clipPath", { id: clip }, make("defs", {}, svg)));
-      const ys = ticks(low, high, Math.max(3, Math.round(this.spec.height / 30)));
+      const ys = ticks(low, high, Math.max(3, Math.round(this.spec.height / 22)));
       for (const value of ys.values) {
         make("path", { class: "grid", d: `M${LEFT} ${scale.y(value).toFixed(1)}H${right}` }, svg);
         make("text", { class: "tick", x: LEFT - 5, y: scale.y(value) + 3.5, "text-anchor": "end" }, svg, value.toFixed(ys.digits));
@@ -194,10 +194,10 @@
       for (const [value, name] of this.spec.lines) {
         if (value < low || value > high) continue;
         make("path", { class: "limit", d: `M${LEFT} ${scale.y(value).toFixed(1)}H${right}` }, inside);
-        make("text", { class: "limit", x: right - 4, y: scale.y(value) + (scale.y(value) < TOP + 14 ? 11 : -3), "text-anchor": "end" }, inside, name);
+        make("text", { class: "limit", x: LEFT + 4, y: scale.y(value) + (scale.y(value) < TOP + 14 ? 11 : -3) }, inside, name);
       }
-      this.marks(svg, inside, scale, bottom);
       for (const s of this.spec.series) this.series(inside, scale, s);
+      this.marks(svg, inside, scale, bottom);
       this.band = make("rect", { class: "band", x: 0, y: TOP, width: 0, height: bottom - TOP }, svg);
       this.line = make("path", { class: "cursor", d: "" }, svg);
     }

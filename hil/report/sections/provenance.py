@@ -32,7 +32,9 @@ def build(recorded: Recorded) -> Section:
     rows: list[tuple[object, ...]] = [(key, manifest[key]) for key in _SHOWN if key in manifest]
     for key in ("policy", "code", "wall_clock", "machine"):
         rows += [
-            (f"{key}.{name}", value) for name, value in _flat(manifest.get(key, {})) if not name.startswith("untracked")
+            (f"{key}.{name}", f"{value:.6g}" if isinstance(value, float) else value)
+            for name, value in _flat(manifest.get(key, {}))
+            if not name.startswith("untracked")
         ]
     rows += [("code.untracked", f"{len(untracked)} files git knew nothing of") for untracked in _untracked(manifest)]
     section.html(table(("", ""), [*rows, *_recording(recorded)], "left"))
@@ -101,7 +103,7 @@ def _changes(manifest: dict[str, Any]) -> Iterator[tuple[str, list[tuple[object,
         shipped = load_scenario(name).model_dump(mode="json")
         yield f"Scenario parameters that are not those of {name} as it ships", _differences(scenario, shipped)
     try:
-        rig = manifest.get("rig", {})
+        rig = {key: value for key, value in manifest.get("rig", {}).items() if key != "name"}
         defaults = Rig(title=str(rig.get("title", ""))).model_dump(mode="json")
     except ValidationError:
         return
