@@ -129,6 +129,7 @@ class Bus:
                 hint = "; one that listens on tls/ lets nobody in without --keys"
             raise BusError(f"no hub answers at {endpoint}: start one with `perch-hil hub`{hint}") from None
         self._publishers: dict[str, Publisher] = {}
+        self._delivered: set[tuple[int, str]] = set()  # mailbox, topic
 
     def publish(self, now_ns: int, topic: str, message: Any) -> int:
         """Publish on `topic` at the run's time `now_ns`; returns the message's number."""
@@ -143,13 +144,19 @@ class Bus:
             self._publishers.setdefault(topic, Publisher(self._session, topic))
 
     def subscribe(self, reader: str, topics: Iterable[str], mailbox: Mailbox) -> None:
-        """Letters of `topics` into `mailbox`. Raises BusError if the contract does not let `reader` read one."""
+        """Letters of `topics` into `mailbox`, each once however many readers share it.
+
+        Raises BusError if the contract does not let `reader` read one.
+        """
         for topic in topics:
             if topic not in TOPICS:
                 raise BusError(f"{reader} asks for topic {topic!r}, which hil/topics.py does not list")
             if reader not in OBSERVERS and not may_read(reader, topic):
                 readers = ", ".join(TOPICS[topic].readers) or "nobody"
                 raise BusError(f"{reader} may not read {topic!r}: the contract allows {readers}")
+            if (id(mailbox), topic) in self._delivered:
+                continue
+            self._delivered.add((id(mailbox), topic))
 
             def take(sample: zenoh.Sample, topic: str = topic) -> None:
                 stamp = sample.attachment
