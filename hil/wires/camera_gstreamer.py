@@ -5,6 +5,7 @@ The wheel of OpenCV on PyPI has no GStreamer in it.
 
 from __future__ import annotations
 
+import fcntl
 import re
 import shlex
 import shutil
@@ -22,6 +23,7 @@ from hil.wires.camera import Mode, NewestPicture, wait_for_picture
 from hil.wires.camera_opencv import OpenCvCapture
 
 PROGRAM = "gst-launch-1.0"
+_PIPE = 1 << 20  # bytes: a picture in one go instead of in sixteen
 
 
 def opencv_has_gstreamer() -> bool:
@@ -50,8 +52,16 @@ class PipeCapture:
         self._words = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         command = [PROGRAM, "-q", *shlex.split(pipeline), "!", *shlex.split(_caps(mode)), "!", "fdsink", "fd=1"]
         self._process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self._words, bufsize=self._size
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=self._words,
+            bufsize=self._size,
         )
+
+        assert self._process.stdout is not None
+        with suppress(OSError):  # not every user may
+            fcntl.fcntl(self._process.stdout, fcntl.F_SETPIPE_SZ, _PIPE)
 
     @property
     def trouble(self) -> str:

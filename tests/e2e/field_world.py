@@ -1,0 +1,75 @@
+"""A field without a field: autopilot, car and motion capture, each behind its real wire, in one process of its own.
+
+`python field_world.py AUTOPILOT_PORT CAN_GROUP SCENARIO`: prints {"vrpn": PORT} once everything runs, and how it stands
+when told to stop.
+"""
+
+import json
+import math
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+from groundcar.board_pose import board_position, board_quaternion
+from groundcar.scout_sim import ScoutSim
+from hil.assembly import EXTERNAL_POSE_PARAMETERS
+from hil.platform_motion import hover_start, start_platform
+from hil.wires.can import open_can
+from hil.wires.udp import UdpWire
+from scenarios.draw import draw
+from scenarios.spec import load
+from vehicle.airframe import load_airframe
+from vehicle.mocap import Mocap
+from vehicle.px4_sim import Px4Sim
+
+sys.path.append(str(Path(__file__).parents[1] / "contract"))
+from vrpn_server import VrpnServer
+
+LOCAL = "127.0.0.1"
+STILL = (0.0, 0.0, 0.0)
+
+
+def main(port, group, name):
+    ended = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: ended.set())
+    scenario = load(name)
+    drawn = draw(scenario, 0)
+    x, y, _, yaw = hover_start(scenario, drawn, 1.0)
+    platform = start_platform(scenario, drawn)
+    api = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
+    frame = load_airframe("paper_quad")
+    autopilot = Px4Sim({"api": api}, frame, 1, (x, y, 0.0), yaw, parameters=EXTERNAL_POSE_PARAMETERS)
+    bus = open_can("udp_multicast", group)
+    car = ScoutSim(bus, seed=1, pose=(float(platform[0]), float(platform[1]), float(platform[3])))
+    server, noise = VrpnServer(), (Mocap(1), Mocap(2))
+    highest, armed, was, told_ns = 0.0, 0, False, 0
+    began = time.monotonic_ns()
+    print(json.dumps({"vrpn": server.port}), flush=True)
+    while not ended.wait(0.004):
+        now = time.monotonic_ns() - began
+        autopilot.step(now)
+        car.step(now)
+        truth = autopilot.truth()
+        highest, armed, was = max(highest, truth.position[2]), armed + (truth.armed and not was), truth.armed
+        if now - told_ns >= 10_000_000:
+            told_ns = now
+            row = car.platform_row(scenario.board.height, math.radians(scenario.board.inclination_deg))
+            board = tuple(map(float, board_position(row))), board_quaternion(row)
+            bodies = {"vehicle": (truth.position, truth.orientation), "board": board}
+            poses = {}
+            for (body, (p, q)), measured in zip(bodies.items(), noise, strict=True):
+                place, _, (w, *turn), _ = measured.measure(p, STILL, q, STILL)
+                poses[body] = place, (*turn, w)
+            server.tell(poses)
+    server.close()
+    bus.close()
+    api.close()
+    said = {"armed": armed, "armed_now": was, "highest_m": highest, "position": autopilot.truth().position}
+    print(json.dumps(said), flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2], sys.argv[3])
