@@ -157,7 +157,8 @@ class Assembly:
             config = replace(config, clock_drift=slot.clock_drift, signing=_signing(slot.signing_key, self._unix_ns))
         seen_by_simulation = real and "sim" in (self._rig.camera.kind, self._rig.mocap.kind)
         link = Px4Link(self._wires.vehicle_link(), config)
-        return VehicleLink(link, Gate(self._rig.gate), seen_by_simulation, slot.external_pose)
+        virtual_board = real and self._rig.groundcar.kind == "sim"
+        return VehicleLink(link, Gate(self._rig.gate), seen_by_simulation, slot.external_pose, virtual_board)
 
     def _start(self) -> tuple[float, float, float, float]:
         return hover_start(self._scenario, self._drawn, load_scout().follower.acceleration)

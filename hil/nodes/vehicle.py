@@ -24,10 +24,19 @@ class VehicleLink:
     wakes = ("policy/action",)
     period_ns = 2_000_000
 
-    def __init__(self, link: Px4Link, gate: Gate, stands_for_truth: bool = False, external_pose: bool = False) -> None:
+    def __init__(
+        self,
+        link: Px4Link,
+        gate: Gate,
+        stands_for_truth: bool = False,
+        external_pose: bool = False,
+        virtual_board: bool = False,
+    ) -> None:
         """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where the autopilot says it is.
-        `external_pose`: what motion capture sees of the vehicle is passed on to the autopilot's estimator."""
+        `external_pose`: what motion capture sees of the vehicle is passed on to the autopilot's estimator.
+        `virtual_board`: a real vehicle perches on a board that is not there, and would fall if its motors stopped."""
         self._link, self._gate, self._truth, self._external = link, gate, stands_for_truth, external_pose
+        self._virtual_board = virtual_board
         if external_pose:
             self.inputs = (*VehicleLink.inputs, "mocap/vehicle")
         if stands_for_truth:
@@ -98,8 +107,8 @@ class VehicleLink:
         return None, None, ""
 
     def _end(self, contact: Contact) -> None:
-        """Perched: motors off. Not perched: back to the autopilot, which lands."""
-        if contact.attached:
+        """Perched: motors off. Not perched, or on a board that is not there: back to the autopilot, which lands."""
+        if contact.attached and not self._virtual_board:
             self._link.kill()
         else:
             self._link.release()

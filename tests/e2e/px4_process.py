@@ -27,7 +27,7 @@ def main(port: int, speed: float) -> None:
         signal.signal(number, lambda *_: ended.set())
     wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
     sim = Px4Sim({"api": wire}, load_airframe("sih_quad"), 1, noise=GPS_NOISE)
-    highest, armed, tilt = 0.0, 0, 0.0
+    highest, armed, tilt, fall = 0.0, 0, 0.0, 0.0
     was = False
     sim.step(0)
     print("booted", flush=True)
@@ -35,13 +35,20 @@ def main(port: int, speed: float) -> None:
     while not ended.wait(TICK_S):
         sim.step(round(speed * (time.monotonic_ns() - began)))
         truth = sim.truth()
-        highest = max(highest, truth.position[2])
+        highest, fall = max(highest, truth.position[2]), max(fall, -truth.velocity[2])
         tilt = max(tilt, math.degrees(math.acos(min(1.0, body_z(truth.orientation)[2]))))
         armed += truth.armed and not was
         was = truth.armed
     wire.close()
     rejected = {name: count for name, count in sim.rejected.items() if count}
-    said = {"armed": armed, "armed_now": was, "highest_m": highest, "tilt_deg": tilt, "position": truth.position}
+    said = {
+        "armed": armed,
+        "armed_now": was,
+        "highest_m": highest,
+        "tilt_deg": tilt,
+        "fastest_fall": fall,
+        "position": truth.position,
+    }
     print(json.dumps(said | {"rejected": rejected}), flush=True)
 
 

@@ -125,6 +125,12 @@ def test_after_the_verdict_the_motors_stop_on_the_board_and_land_elsewhere(verdi
     assert set(rig.link.calls) == {call}
 
 
+def test_on_a_board_that_is_not_there_the_motors_go_on():
+    rig = Rig(virtual_board=True)
+    rig.step(NOW, contact("success", attached=True))
+    assert set(rig.link.calls) == {"release"}
+
+
 def test_status_comes_ten_times_a_second_and_at_every_change_of_phase():
     rig = Rig()
     stamps = []
