@@ -12,7 +12,10 @@ from pathlib import Path
 _GRACE_S, _SLICE_S = 2.0, 0.1
 _ENVIRONMENT = {
     # one thread a process: they are many; freed picture buffers stay with the process instead of being mapped anew
-    **dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+    **dict.fromkeys(
+        ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
+        "1",
+    ),
     **dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "MALLOC_TOP_PAD_"), "67108864"),
 }
 
