@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import csv
 import math
+from html import escape
 from pathlib import Path
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720, 360, 56, 40, 24
 
 
-def _points(xs: list[float], ys: list[float], x1: float, y1: float) -> str:
+def _points(xs: list[float], ys: list[float], span: tuple[float, float], y1: float) -> str:
     def place(x: float, y: float) -> str:
-        px = LEFT + (WIDTH - LEFT - 16) * x / max(x1, 1e-9)
+        px = LEFT + (WIDTH - LEFT - 16) * (x - span[0]) / max(span[1] - span[0], 1e-9)
         return f"{px:.1f},{HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * y / max(y1, 1e-9):.1f}"
 
     return " ".join(place(x, y) for x, y in zip(xs, ys, strict=True) if math.isfinite(y))
 
 
 def learning_curve(table: Path, picture: Path, title: str) -> None:
-    """Draw success over samples from a curve's CSV, smoothed over a fiftieth of the lines, into an SVG."""
+    """Draw success over samples from a curve's CSV, smoothed over a fiftieth of the lines, into an SVG.
+
+    It is the success of the episodes flown to learn from: exploration noise and the teacher's share are in it.
+    """
     with table.open() as file:
         lines = list(csv.DictReader(file))
     xs = [float(line["samples"]) / 1e6 for line in lines]
@@ -28,30 +32,31 @@ def learning_curve(table: Path, picture: Path, title: str) -> None:
     for i in range(len(raw)):
         part = [y for y in raw[max(0, i - span) : i + 1] if math.isfinite(y)]
         smooth.append(sum(part) / len(part) if part else math.nan)
-    x1 = max(xs, default=1.0)
-    picture.write_text(_frame(title, x1, "million samples", _lines(xs, raw, smooth, x1)))
+    ends = min(xs, default=0.0), max(xs, default=1.0)
+    label = "million samples, ancestors' included; success of the episodes flown to learn from"
+    picture.write_text(_frame(title, ends, label, _lines(xs, raw, smooth, ends)))
 
 
-def _lines(xs: list[float], raw: list[float], smooth: list[float], x1: float) -> str:
+def _lines(xs: list[float], raw: list[float], smooth: list[float], ends: tuple[float, float]) -> str:
     return (
-        f'<polyline points="{_points(xs, raw, x1, 100.0)}" fill="none" stroke="#bcd" stroke-width="1"/>'
-        f'<polyline points="{_points(xs, smooth, x1, 100.0)}" fill="none" stroke="#06c" stroke-width="2"/>'
+        f'<polyline points="{_points(xs, raw, ends, 100.0)}" fill="none" stroke="#bcd" stroke-width="1"/>'
+        f'<polyline points="{_points(xs, smooth, ends, 100.0)}" fill="none" stroke="#06c" stroke-width="2"/>'
     )
 
 
-def _frame(title: str, x1: float, label: str, inside: str) -> str:
+def _frame(title: str, ends: tuple[float, float], label: str, inside: str) -> str:
     grid = []
     for k in range(0, 101, 20):
         y = HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * k / 100.0
         grid.append(f'<path d="M{LEFT} {y:.1f}H{WIDTH - 16}" stroke="#ddd"/>')
         grid.append(f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{k} %</text>')
     for k in range(6):
-        x = LEFT + (WIDTH - LEFT - 16) * k / 5.0
-        grid.append(f'<text x="{x:.1f}" y="{HEIGHT - 20}" text-anchor="middle">{x1 * k / 5.0:.3g}</text>')
+        x, value = LEFT + (WIDTH - LEFT - 16) * k / 5.0, ends[0] + (ends[1] - ends[0]) * k / 5.0
+        grid.append(f'<text x="{x:.1f}" y="{HEIGHT - 20}" text-anchor="middle">{value:.3g}</text>')
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" '
         'font-size="12">'
-        f'<rect width="100%" height="100%" fill="#fff"/><text x="{LEFT}" y="16" font-size="14">{title}</text>'
+        f'<rect width="100%" height="100%" fill="#fff"/><text x="{LEFT}" y="16" font-size="14">{escape(title)}</text>'
         f'{"".join(grid)}{inside}<text x="{WIDTH / 2}" y="{HEIGHT - 4}" text-anchor="middle">{label}</text></svg>\n'
     )
 
@@ -59,7 +64,7 @@ def _frame(title: str, x1: float, label: str, inside: str) -> str:
 def heat_map(speeds: list[float], inclinations_deg: list[float], success: list[list[float]], title: str) -> str:
     """SVG of success (percent, row by inclination, column by speed) with the 50 and 70 percent contours."""
     cell_w, cell_h = 620.0 / len(speeds), 300.0 / len(inclinations_deg)
-    parts = [f'<text x="60" y="18" font-size="14">{title}</text>']
+    parts = [f'<text x="8" y="18">{escape(title)}</text>']
     for j, inclination in enumerate(inclinations_deg):
         y = 330.0 - (j + 1) * cell_h
         parts.append(f'<text x="54" y="{y + 0.6 * cell_h:.1f}" text-anchor="end">{inclination:g}°</text>')
@@ -71,18 +76,21 @@ def heat_map(speeds: list[float], inclinations_deg: list[float], success: list[l
                 f'fill="hsl({hue:.0f} 60% 65%)"/><text x="{60 + (i + 0.5) * cell_w:.1f}" '
                 f'y="{y + 0.6 * cell_h:.1f}" text-anchor="middle">{value:.0f}</text>'
             )
-    for level, colour in ((50.0, "#900"), (70.0, "#036")):
-        parts.append(_contour(success, level, colour, cell_w, cell_h))
+    for level, colour, width in ((50.0, "#900", 6), (70.0, "#036", 2)):  # the lower one shows where both run
+        parts.append(_contour(success, level, colour, width, cell_w, cell_h))
     for i, speed in enumerate(speeds):
         parts.append(f'<text x="{60 + (i + 0.5) * cell_w:.1f}" y="346" text-anchor="middle">{speed:g}</text>')
-    parts.append('<text x="370" y="364" text-anchor="middle">board speed, m/s (50 % red, 70 % blue contour)</text>')
+    parts.append(
+        '<text x="370" y="364" text-anchor="middle">board speed, m/s, and inclination; '
+        "success in %: contour of 50 red, of 70 blue</text>"
+    )
     return (
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 700 372" font-family="sans-serif" font-size="11">'
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(parts)}</svg>\n'
     )
 
 
-def _contour(success: list[list[float]], level: float, colour: str, cell_w: float, cell_h: float) -> str:
+def _contour(success: list[list[float]], level: float, colour: str, width: int, cell_w: float, cell_h: float) -> str:
     """Edges between cells on either side of a level."""
     path = []
     for j, line in enumerate(success):
@@ -92,4 +100,4 @@ def _contour(success: list[list[float]], level: float, colour: str, cell_w: floa
                 path.append(f"M{x + cell_w:.1f} {y:.1f}v{cell_h:.1f}")
             if j + 1 < len(success) and (value < level) != (success[j + 1][i] < level):
                 path.append(f"M{x:.1f} {y:.1f}h{cell_w:.1f}")
-    return f'<path d="{"".join(path)}" stroke="{colour}" stroke-width="3" fill="none"/>'
+    return f'<path d="{"".join(path)}" stroke="{colour}" stroke-width="{width}" fill="none"/>'
