@@ -25,8 +25,8 @@ from policies.planner import (
 )
 from policies.planner_policy import planner_params
 from policies.prediction import HORIZON, STEP
-from policies.predictor import HISTORY_DIM, SCRATCH_DIM, load_predictor, predictor_clear
-from policies.predictor_planner import planner_on_learned
+from policies.predictor import SCRATCH_DIM, load_predictor
+from policies.predictor_planner import MEMORY_DIM, planner_on_learned
 from policies.thrust_gain import GAIN_DIM
 
 _LAG = 5  # control steps over which the state stage's acceleration is taken
@@ -53,13 +53,13 @@ def _board_now(rows, i, shared, now, x, covariance, estimate):
 def plan_row(rows, i, shared, fresh, learned, state, memory, work, future, scratch, params, net, out):
     """The planner's action for row i now, into `out` (4,) in [-1, 1]; `fresh`: an episode begins.
 
-    `state` (PLANNER_DIM,), `memory` (predictor.HISTORY_DIM,) are the row's planner; `work`, `future` ((HORIZON, 8)),
-    `scratch` are scratch. `learned`: the future comes from `net`, else from the analytic prediction.
+    `state` (PLANNER_DIM,), `memory` (predictor_planner.MEMORY_DIM,) are the row's planner; `work`, `future`
+    ((HORIZON, 8)), `scratch` are scratch. `learned`: the future comes from `net`, else from the analytic prediction.
     """
     now = rows.state[i, S_STEP] * TICK
     if fresh:
         planner_reset(state, now, params)
-        predictor_clear(memory)
+        memory[:] = 0.0
         state[S_GAIN : S_GAIN + GAIN_DIM] = rows.gain[i]  # the hover before the episode has shown it
         state[S_ASKED] = rows.state[i, S_COMMAND + 3]
     x, estimate = work[_BOARD : _BOARD + 8], work[_ESTIMATE : _ESTIMATE + ESTIMATE_DIM]
@@ -107,6 +107,6 @@ class PlannerInEnv:
     def _begin(self, env: Env) -> None:
         n = env.config.count
         self._env, self._params = env, planner_params(env.airframe).row()
-        self._states, self._memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, HISTORY_DIM))
+        self._states, self._memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, MEMORY_DIM))
         self._works, self._futures = np.zeros((n, _WORK_DIM)), np.zeros((n, HORIZON, 8))
         self._scratches, self._out = np.zeros((n, SCRATCH_DIM), dtype=np.float32), np.zeros((n, 4))

@@ -27,6 +27,7 @@ from policies.speed_history import (
     history_push,
 )
 from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
+from policies.touch import touch_thrust
 from policies.tracking import track_force
 from vehicle.rotations import body_z
 
@@ -151,7 +152,7 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
         phase = FOLLOW
         if state[S_ENGAGED] < 0.0:
             state[S_ENGAGED] = t
-    if phase == AROUND and t >= state[S_UNTIL]:
+    if phase == AROUND and t >= state[S_UNTIL] and v[2] > 0.0:
         phase = FOLLOW
     if phase == FOLLOW and estimate[E_VALID] <= 0.0:
         phase = HOLD
@@ -244,6 +245,9 @@ def _fly_motion(state, t, p, v, q, platform, params, out):
     thrust = sx * zx + sy * zy + sz * zz
     yaw_rate = face(q, p, platform, params) if left > 0.5 else 0.0
     gain = state[S_GAIN + G_GAIN]
+    if left < params[pp.TOUCH_FROM]:
+        given = gain * state[S_GAIN + G_LAGGED]
+        thrust = touch_thrust(p, v, zx, zy, zz, platform, state[S_ACCELERATION], left, thrust, given, gain, params)
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
 
 

@@ -10,18 +10,19 @@ from policies.tracking import track_force, yaw_error
 from vehicle.rotations import body_z
 
 _CLIMB = 3.0  # m/s^2, vertical acceleration that following may ask
+_RESCUE = 6.0  # m/s^2, after a miss: the drone falls off a steep board nose-up
 _PITCH_LEAST, _PITCH_MARGIN = math.radians(9.0), math.radians(3.0)
 _STEEP = math.radians(60.0)  # from this inclination on the standoff is that of steep boards
 
 
 @njit
-def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params, out):
-    """CTBR into `out` (4,) for an acceleration (world, m/s^2) whose horizontal part is cut at `tilt` rad."""
+def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params, out, climb=_CLIMB):
+    """CTBR into `out` (4,) for an acceleration (world, m/s^2) cut at `tilt` rad and, vertically, at `climb` m/s^2."""
     most = params[pp.GRAVITY] * math.tan(tilt)
     level = math.sqrt(ax * ax + ay * ay)
     if level > most:
         ax, ay = ax * most / level, ay * most / level
-    az = min(_CLIMB, max(-_CLIMB, az))
+    az = min(climb, max(-climb, az))
     fx, fy, fz = ax + params[pp.DRAG] * vx, ay + params[pp.DRAG] * vy, az + params[pp.DRAG] * vz + params[pp.GRAVITY]
     zx, zy, zz = body_z(q)
     thrust = fx * zx + fy * zy + fz * zz
@@ -100,5 +101,6 @@ def climb_away(p, v, q, platform, gain, params, out):
     k = 3.0
     yaw_rate = face(q, p, platform, params)
     command_acceleration(
-        q, v[0], v[1], v[2], k * (vx - v[0]), k * (vy - v[1]), k * (1.2 - v[2]), yaw_rate, 0.6, gain, params, out
-    )
+        q, v[0], v[1], v[2], k * (vx - v[0]), k * (vy - v[1]), k * (1.2 - v[2]), yaw_rate, 0.6, gain, params, out,
+        _RESCUE,
+    )  # fmt: skip

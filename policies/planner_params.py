@@ -16,9 +16,10 @@ import numpy as np
     RUN_TURN, RUN_COMMIT, RUN_COST, SPEED_MAX, COMMIT_COST, ABORT_COST, COMMIT_SIGMA, COMMIT_SPEED_SIGMA, COMMIT_AGE,
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
-    YAW_NEAR,
-) = range(73)  # fmt: skip
-COUNT = 73
+    YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
+    TOUCH_LAG,
+) = range(81)  # fmt: skip
+COUNT = 81
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -52,6 +53,7 @@ STEEP: dict[str, float] = {
     "commit_age": 0.15,
     "lost_age": 0.9,
     "elevation": 0.244,
+    "run_coast": 0.35,
 }
 
 
@@ -62,10 +64,13 @@ class PlannerParams:
     Vehicle: `drag` 1/s over mass; `thrust_*`, `rate_max` limits of what may be asked (paper App. "Experimental Setup");
     `rate_lag`, `thrust_lag` how far ahead rate and thrust are fed forward; camera tilt below body x and half field of
     view, vertical; `robot_l`, `robot_r` the disc of the contact criterion.
-    Contact: `impact_speed` into the board along its normal and `skid` up its slope (tried beside 0). The plan ends
-    `overshoot` behind the surface, so that a small error along the normal makes contact early rather than never.
-    `flatten` 0..1: on a flat board this share of the terminal jerk (and with it of the last body rate) is taken away,
-    from 60 deg on none.
+    Contact: `impact_speed` into the board along its normal and `skid` up its slope (tried beside 0) are planned. The
+    plan ends `overshoot` behind the surface, so that a small error along the normal makes contact early rather than
+    never. `flatten` 0..1: on a flat board this share of the terminal jerk (and with it of the last body rate) is taken
+    away, from 60 deg on none. In the last `touch_from` s thrust is chosen for the contact that it leads to: speed into
+    the board `touch_speed` within `touch_band`, speed along it within `touch_skid`, no more than `touch_early` or
+    `touch_late` s off the plan; `touch_keep` weighs the change of thrust, which comes
+    `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s; the board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A plan is started
     below `commit_cost` / cos(inclination) and given up above `abort_cost` or if nothing was seen for `lost_age`.
@@ -114,7 +119,7 @@ class PlannerParams:
     w_skid: float = 1.5
     skid: float = 0.1
     predict_tau: float = 0.8
-    filter_tau: float = 0.3
+    filter_tau: float = 0.6
     relax_surprise: float = 1.0
     commit_surprise: float = 0.07
     run_inclination: float = math.radians(62.0)
@@ -155,6 +160,14 @@ class PlannerParams:
     yaw_k: float = 1.65
     yaw_rate_max: float = 1.5
     yaw_near: float = 0.5
+    touch_from: float = 0.3
+    touch_speed: float = 0.55
+    touch_band: float = 0.4
+    touch_skid: float = 0.25
+    touch_early: float = 0.05
+    touch_late: float = 0.15
+    touch_keep: float = 0.01
+    touch_lag: float = 0.02
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -25,6 +25,7 @@ from policies.planner_params import PlannerParams
 from policies.prediction import HORIZON, STEP
 from policies.thrust_gain import G_GAIN
 from vehicle.airframe import Airframe
+from vehicle.rotations import from_rotation_vector, multiply
 
 
 def planner_params(airframe: Airframe) -> PlannerParams:
@@ -55,7 +56,17 @@ class PlannerPolicy:
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
         """One control tick."""
-        t = (now_ns - self._origin_ns) * 1e-9
+        t, position, velocity, orientation = self._look(now_ns, vehicle, board)
+        phase = planner_on_estimate(
+            self._state, t, position, velocity, orientation, self._x, self._estimate, self._future, STEP, self._params,
+            self._out,
+        )  # fmt: skip
+        return self._command(phase)
+
+    def _look(
+        self, now_ns: int, vehicle: VehicleView, board: BoardView
+    ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        """Fill what is known of the board; the time (s) and the vehicle's position, velocity, orientation, now."""
         variance, estimate = board.variance, self._estimate
         estimate[E_VALID] = 1.0 if board.valid else 0.0
         estimate[E_SIGMA] = math.sqrt(max(0.0, 0.5 * (variance[0] + variance[1])))
@@ -64,21 +75,13 @@ class PlannerPolicy:
         estimate[E_STREAK] = board.streak
         self._x[:3] = board.position
         self._x[3:] = board.heading, board.speed, board.turn_rate, board.inclination, board.acceleration
-        ahead = (now_ns - vehicle.stamp_ns) * 1e-9  # the odometry's age
+        age = (now_ns - vehicle.stamp_ns) * 1e-9  # of the odometry
         velocity = np.array(vehicle.velocity)
-        phase = planner_on_estimate(
-            self._state,
-            t,
-            np.array(vehicle.position) + ahead * velocity,
-            velocity,
-            np.array(vehicle.orientation),
-            self._x,
-            estimate,
-            self._future,
-            STEP,
-            self._params,
-            self._out,
-        )
+        turned = multiply(vehicle.orientation, from_rotation_vector(*(age * w for w in vehicle.body_rate)))
+        t = (now_ns - self._origin_ns) * 1e-9
+        return t, np.array(vehicle.position) + age * velocity, velocity, np.array(turned)
+
+    def _command(self, phase: int) -> Command:
         self._engaged = self._engaged or phase != HOLD
         p, q, r, thrust = (float(value) for value in self._out)
         gain = float(self._state[S_GAIN + G_GAIN])

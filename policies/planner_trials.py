@@ -165,7 +165,10 @@ def run_trials(
     frame = load_airframe(airframe)
     nominal, noise = frame.params_row(), paper_noise()
     rules = ct.ContactRules(
-        robot_l=float(nominal[MAGNET_Z]), robot_r=float(nominal[FOOTPRINT_RADIUS]), time_limit=setup.time_limit
+        robot_l=float(nominal[MAGNET_Z]),
+        robot_r=float(nominal[FOOTPRINT_RADIUS]),
+        time_limit=setup.time_limit,
+        ground_z=0.3,
     ).row()
     rows, airframes = np.zeros((count, ND)), np.zeros((count, nominal.size))
     settings, rngs = np.zeros((count, SETTING_DIM)), np.zeros((count, 1), dtype=np.uint64)

@@ -38,6 +38,7 @@ KNOTS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.15, 2.6, 3.15)  
 K = len(KNOTS)
 OUTPUTS = 2 * K + 1  # speeds (m/s), turn rates (rad/s), log of the expected speed error (m/s)
 TAU = 0.5  # s, decay of the acceleration in the network's base
+_KNOWN_SPEED, _FADES = 0.2, 1.0  # m/s, one-sigma at which half of its correction of the present speed is kept; s
 _BEND_FROM = 0.5  # m/s, above which curvature is kept rather than the turn rate
 
 _W1, _B1 = 0, INPUTS * HIDDEN1
@@ -193,6 +194,8 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
         return 0.0, 0.0
     predictor_inputs(history, t, x, sigma, speed_sigma, age, streak, scratch)
     predictor_network(net, scratch)
+    # Where the filter knows the speed, what the network would correct of it now is the network's error.
+    fine = scratch[_OUT] / (1.0 + (speed_sigma / _KNOWN_SPEED) ** 2)
     knot = 0
     for k in range(future.shape[0]):
         ahead = k * step
@@ -200,7 +203,7 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
             knot += 1
         s = min(1.0, (ahead - KNOTS[knot]) / (KNOTS[knot + 1] - KNOTS[knot]))
         speed, turn = base_motion(x[4], x[5], x[7], ahead)
-        speed += (1.0 - s) * scratch[_OUT + knot] + s * scratch[_OUT + knot + 1]
+        speed += (1.0 - s) * scratch[_OUT + knot] + s * scratch[_OUT + knot + 1] - fine * math.exp(-ahead / _FADES)
         turn += (1.0 - s) * scratch[_OUT + K + knot] + s * scratch[_OUT + K + knot + 1]
         row = future[k]
         row[4] += trust * (min(4.0, max(-4.0, speed)) - row[4])

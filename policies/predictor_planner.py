@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from kernel import njit
 from policies import planner_params as pp
+from policies.coast import COAST_DIM, coast_future, coast_keep, coast_state, coasting
 from policies.planner import (
     E_AGE,
     E_SIGMA,
@@ -17,35 +18,57 @@ from policies.planner import (
     planner_due,
     planner_step,
 )
-from policies.prediction import predict_swing
+from policies.prediction import carry_swing, predict_swing
 from policies.predictor import G_DOUBT, predict_learned, predictor_push
-from policies.speed_history import FIT_DIM, HISTORY_DIM, fit_swing, history_push
+from policies.predictor import HISTORY_DIM as _COAST
+from policies.speed_history import (
+    F_SINCE,
+    F_SURPRISE,
+    FIT_DIM,
+    H_TIME,
+    HISTORY_DIM,
+    fit_swing,
+    history_push,
+)
+
+MEMORY_DIM = _COAST + COAST_DIM
+_FRESH = 0.25  # s, age of a belief whose speed is still worth remembering
 
 
 @njit
 def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, params, net, scratch, out):
     """`planner.planner_on_estimate` with the learned predictor; returns the phase.
 
-    Beyond its arguments: `memory` (predictor.HISTORY_DIM,), cleared with the planner; `net` (predictor.NET_DIM,)
+    Beyond its arguments: `memory` (MEMORY_DIM,), zeroed with the planner; `net` (predictor.NET_DIM,)
     float32, empty: the analytic prediction alone; `scratch` (predictor.SCRATCH_DIM,) float32.
     """
     limits = params[pp.COUNT :] if x[6] >= params[pp.RUN_INCLINATION] else params
+    history, fit, coast = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + FIT_DIM], memory[_COAST:]
+    age, learned = estimate[E_AGE], net.shape[0] > 0
     if estimate[E_VALID] > 0.0:
-        predictor_push(memory, t, x, estimate[E_AGE])
-        if estimate[E_AGE] < 0.25:
-            history_push(state[S_HISTORY : S_HISTORY + HISTORY_DIM], t, x[4])
-    if planner_due(state, t):
-        fit = state[S_FIT : S_FIT + FIT_DIM]
-        tau = limits[pp.PREDICT_TAU]
-        fit_swing(state[S_HISTORY : S_HISTORY + HISTORY_DIM], tau, fit)
-        estimate[E_SURPRISE] = fit[4]
-        predict_swing(x, fit, tau, step, future)
-        if net.shape[0] > 0:
-            trust, surprise = predict_learned(
-                memory, t, x, estimate[E_SIGMA], estimate[E_SPEED_SIGMA], estimate[E_AGE], estimate[E_STREAK], step,
-                net, scratch, future,
-            )  # fmt: skip
-            estimate[E_SURPRISE] += net[G_DOUBT] * trust * (surprise - estimate[E_SURPRISE])
+        predictor_push(memory[:_COAST], t, x, age)
+        if age < _FRESH:
+            history_push(history, t, x[4])
+    tau, due = limits[pp.PREDICT_TAU], planner_due(state, t)
+    if due:
+        fit_swing(history, tau, fit)
+        estimate[E_SURPRISE] = fit[F_SURPRISE]
+    if learned and coasting(coast, t, age):
+        coast_state(coast, t, step, x)
+        if due:
+            coast_future(coast, t, step, future)
+    else:
+        fit[F_SINCE] = t - history[H_TIME]
+        carry_swing(x, fit, age, limits[pp.FILTER_TAU])
+        if due:
+            predict_swing(x, fit, tau, step, future)
+            if learned:
+                trust, surprise = predict_learned(
+                    memory[:_COAST], t, x, estimate[E_SIGMA], estimate[E_SPEED_SIGMA], age, estimate[E_STREAK], step,
+                    net, scratch, future,
+                )  # fmt: skip
+                estimate[E_SURPRISE] += net[G_DOUBT] * trust * (surprise - estimate[E_SURPRISE])
+                coast_keep(coast, t, age, future)
     return planner_step(state, t, p, v, q, x, estimate, future, step, params, out)
 
 

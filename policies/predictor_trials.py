@@ -21,7 +21,7 @@ from policies.belief_motion import BeliefParams
 from policies.planner_trials import TrialSetup
 from policies.prediction import CTRV, CTRV_ACCELERATION, HORIZON, STEP, predict_future, predict_swing
 from policies.predictor_data import CONTEXT, DT, SNAPSHOTS, TARGETS, watch
-from policies.predictor_planner import learned_on_belief
+from policies.predictor_planner import MEMORY_DIM, learned_on_belief
 from policies.speed_history import FIT_DIM, HISTORY_DIM, SAMPLE, fit_swing, history_push
 from vehicle.airframe import FOOTPRINT_RADIUS, MAGNET_Z, load_airframe, randomise_row
 from vehicle.camera import Camera, platform_visibility
@@ -40,7 +40,7 @@ _PERIOD, _DELAY, _SCALE, _COMMAND_DELAY, _STEPS = range(5)
 
 @njit
 def _trial(row, truth, setting, airframe, cam, noise, bias, rng, bparams, pparams, rules, net, result):
-    state, memory, scratch = np.zeros(pl.PLANNER_DIM), np.zeros(pd.HISTORY_DIM), np.zeros(pd.SCRATCH_DIM, np.float32)
+    state, memory, scratch = np.zeros(pl.PLANNER_DIM), np.zeros(MEMORY_DIM), np.zeros(pd.SCRATCH_DIM, np.float32)
     belief, x, cov, future = np.zeros(bf.BELIEF_DIM), np.zeros(8), np.zeros(64), np.zeros((HORIZON, 8))
     estimate, queue, seen = np.zeros(pl.ESTIMATE_DIM), np.zeros((8, 1 + OBS_DIM)), np.zeros(OBS_DIM)
     z, r, sigma = np.zeros(5), np.zeros(5), np.zeros(3)
@@ -102,7 +102,10 @@ def fly_trials(
     frame = load_airframe("paper_quad")
     nominal, noise_row = frame.params_row(), NOISES[noise]()
     rules = ct.ContactRules(
-        robot_l=float(nominal[MAGNET_Z]), robot_r=float(nominal[FOOTPRINT_RADIUS]), time_limit=setup.time_limit
+        robot_l=float(nominal[MAGNET_Z]),
+        robot_r=float(nominal[FOOTPRINT_RADIUS]),
+        time_limit=setup.time_limit,
+        ground_z=0.3,
     ).row()
     rows, airframes = np.zeros((count, ND)), np.zeros((count, nominal.size))
     settings, rngs, biases = np.zeros((count, 5)), np.zeros((count, 1), dtype=np.uint64), np.zeros((count, BIAS_DIM))

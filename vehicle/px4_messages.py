@@ -265,7 +265,7 @@ def odometry(v: View, port: Port) -> None:
     s = v.snap
     port.send(
         M["ODOMETRY"],
-        v.us,
+        v.sample_us,
         1,
         1,  # velocity in NED, not in the body
         *s[S_P : S_P + 3],

@@ -1,6 +1,7 @@
 """One 4 ms tick of the software PX4 as a kernel: estimate, cascade, rate loop, physics, ground, magnet.
 
-The flight itself is `rate_step` and `vehicle_step`, the same functions that training runs.
+The flight itself is `rate_step` and `vehicle_step`, the same functions that training runs. The estimate is of the
+tick's beginning: control needs it before the physics goes on.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from vehicle.rotations import (
     to_euler,
     yaw,
 )
+
+TICK_NS = 4_000_000
 
 # Indices of a noise row: one-sigma and time constant (s) of the estimate's errors; white noise of sensors.
 POS_SIGMA, POS_TAU, VEL_SIGMA, VEL_TAU, ATT_SIGMA, ATT_TAU, GYRO_SIGMA, ACCEL_SIGMA = range(8)

@@ -23,7 +23,7 @@ from vehicle.px4_control import LANDED, MODE, OFF, OUT_THRUST, RAMP, reset_casca
 from vehicle.px4_estimator import Estimator, EstimatorNoise
 from vehicle.px4_outbox import Outbox
 from vehicle.px4_params import Parameters, airframe_overrides, apply
-from vehicle.px4_plant import ATTACHED, GROUND, HEALTH, tick
+from vehicle.px4_plant import ATTACHED, GROUND, HEALTH, TICK_NS, tick
 from vehicle.px4_port import Port, Wire
 from vehicle.px4_receiver import Receiver
 from vehicle.px4_state import Flight
@@ -40,7 +40,6 @@ from vehicle.rotations import (
     to_rotation_vector,
 )
 
-TICK_NS = 4_000_000
 SUBSTEPS = 2
 READY_S = (4.1, 5.1)  # PX4 time at which the pre-arm checks pass (recorded range)
 

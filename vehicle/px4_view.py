@@ -25,7 +25,7 @@ from vehicle.px4_control import (
 )
 from vehicle.px4_estimator import Estimator
 from vehicle.px4_messages import diagonal
-from vehicle.px4_plant import GROUND, NSNAP, S_EULER, snapshot
+from vehicle.px4_plant import GROUND, NSNAP, S_EULER, TICK_NS, snapshot
 from vehicle.px4_state import Flight
 from vehicle.rotations import rotate_back, swap_attitude, swap_yaw
 
@@ -46,7 +46,7 @@ class View:
         self._snap: list[float] | None = None
         self._geodetic: tuple[int, int, int] | None = None
         self._counts: dict[str, int] = {}
-        self.us = self.ms = 0
+        self.us = self.ms = self.sample_us = 0
         self.epoch_us = EPOCH_US
         self.event_sequence = 0xFFF6
         self.reset_counter = 4
@@ -59,6 +59,7 @@ class View:
         """Forget what was worked out for the last tick."""
         self.us = self.flight.now_ns // 1000
         self.ms = self.us // 1000
+        self.sample_us = max(0, self.flight.now_ns - TICK_NS) // 1000
         self._snap = self._geodetic = None
 
     @property

@@ -16,7 +16,7 @@ from vehicle.rotations import from_euler, to_matrix
 
 # What a detection is wrong by beyond its corners' noise: the vehicle's own position (m) and where the camera really
 # points (rad): attitude estimate, mount calibration, exposure time.
-ODOMETRY_SIGMA, POINTING_SIGMA = 0.006, 0.008
+ODOMETRY_SIGMA, POINTING_SIGMA = 0.003, 0.003
 
 
 class Detector:

@@ -1,0 +1,71 @@
+"""The last quarter second: thrust alone decides when and how the drone touches.
+
+By then the body's z axis nearly lies on the board's normal, and turning the drone would spoil that. Thrust acts along
+the normal and turns nothing, so it can answer what the board did since the plan was frozen. On a steep board gravity
+pulls the drone along the slope by up to g: contact a tenth of a second off skids. So a thrust is judged by what it
+leads to: speed along the board, speed into the board, and contact before or after the attitude has arrived.
+"""
+
+from __future__ import annotations
+
+import math
+
+from kernel import njit
+from policies import planner_params as pp
+from policies.planner_search import board_normal
+
+_FROM, _FULL = 0.75, 0.92  # cosine between body z and normal: from where, and where it fully counts
+_CHOICES = 15
+
+
+@njit
+def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given, gain, params):
+    """Thrust (m/s^2) whose contact is the best that thrust can still reach.
+
+    `p`, `v` (3,) world; (zx, zy, zz) body z; `platform` (8,) the board now, `acceleration` its own along its heading,
+    m/s^2; `left` s to the planned contact; `planned`: the plan's thrust, which counts while body z is far from the
+    normal; `given`: thrust that the motors give now; `gain`: achieved over asked thrust. Motors lag: until they have
+    followed, the old thrust goes on acting, which is taken off the closing speed at once.
+    """
+    nx, ny, nz = board_normal(platform)
+    cosine = nx * zx + ny * zy + nz * zz
+    share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
+    if share <= 0.0:
+        return planned
+    c, s = math.cos(platform[3]), math.sin(platform[3])
+    ux, uy, uz = nz * c, nz * s, math.sin(platform[6])  # up the slope
+    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
+    sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
+    height = nx * dx + ny * dy + nz * dz - params[pp.ROBOT_L] * cosine - params[pp.ROBOT_R] * sine
+    height = max(0.003, height)
+    wx, wy, wz = v[0] - platform[4] * c, v[1] - platform[4] * s, v[2]
+    closing = -(nx * wx + ny * wy + nz * wz)
+    along = ux * wx + uy * wy + uz * wz
+    g, drag = params[pp.GRAVITY], params[pp.DRAG]
+    # Relative to the board and without thrust, along normal and slope; body z is taken to arrive on the normal.
+    normal = -g * nz - drag * (nx * v[0] + ny * v[1] + nz * v[2]) - acceleration * (nx * c + ny * s)
+    slope = -g * uz - drag * (ux * v[0] + uy * v[1] + uz * v[2]) - acceleration * (ux * c + uy * s)
+    lean = 0.5 * (ux * zx + uy * zy + uz * zz)
+    lift = 0.5 * (1.0 + cosine)
+    least, best = math.inf, planned
+    low, high = params[pp.THRUST_MIN] * gain, params[pp.THRUST_MAX] * gain
+    lag = params[pp.TOUCH_LAG]
+    for k in range(_CHOICES):
+        f = low + (high - low) * k / (_CHOICES - 1)
+        away, sideways = f * lift + normal, f * lean + slope
+        speed = closing - (given - f) * lift * lag
+        root = speed * speed - 2.0 * away * height
+        if root < 0.0 or (speed <= 0.0 and away >= 0.0):
+            cost = 1e3 + f
+        else:
+            into = math.sqrt(root)
+            time = 2.0 * height / (speed + into) if speed > 0.0 else (speed - into) / away
+            skid = (along + (given - f) * lean * lag + sideways * time) / params[pp.TOUCH_SKID]
+            hard = (into - params[pp.TOUCH_SPEED]) / params[pp.TOUCH_BAND]
+            early = max(0.0, left - time) / params[pp.TOUCH_EARLY]
+            late = max(0.0, time - left) / params[pp.TOUCH_LATE]
+            cost = skid * skid + hard * hard + early * early + late * late
+        cost += params[pp.TOUCH_KEEP] * (f - planned) * (f - planned)
+        if cost < least:
+            least, best = cost, f
+    return planned + share * (best - planned)
