@@ -201,6 +201,9 @@ class Scripted:
             return self.then
         return None
 
+    def stop(self):
+        pass
+
     def close(self):
         self.closed = True
 
