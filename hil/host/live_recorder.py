@@ -14,16 +14,16 @@ import time
 from types import FrameType
 from typing import Any
 
-from hil.assembly import Assembly
+from hil.assembly import mounted_cameras
 from hil.bus import CONTROL, HEALTH, Bus, Letter, Mailbox
 from hil.foxglove_view import FoxgloveView
 from hil.host.live_presence import Presence, footprint
-from hil.host.live_spec import LiveSpec, simulated_twin
+from hil.host.live_spec import LiveSpec
 from hil.host.live_time import RunTime
 from hil.record import Recorder
 from hil.runs import write_json
-from hil.simulation import MemoryWires
 from hil.topics import TOPICS
+from vehicle.airframe import load_airframe
 
 SETTLE_NS = 250_000_000  # how long a message waits for older ones
 _TURN_S, _TELL_S = 0.02, 0.5
@@ -57,8 +57,7 @@ def record(spec: LiveSpec) -> int:
     """Record until stopped. Raises RecordingError if that is not possible, BusError without a hub."""
     assert spec.folder is not None
     plan = spec.plan()
-    twin = simulated_twin(plan.rig)
-    camera = Assembly(plan.scenario, twin, spec.draw(plan), plan.make_policy, MemoryWires(twin, lambda: 0)).camera
+    camera = mounted_cameras(plan.rig.camera, load_airframe(plan.rig.vehicle.airframe), spec.draw(plan))[1]
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
     sys.setswitchinterval(2e-4)  # a thread of the bus may not wait 5 ms for the interpreter
     state, presence = {"stop": False, "orders": [], "told": 0.0}, Presence()
