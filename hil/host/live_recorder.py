@@ -14,7 +14,6 @@ import time
 from types import FrameType
 from typing import Any
 
-from hil.assembly import mounted_cameras
 from hil.bus import CONTROL, HEALTH, Bus, Letter, Mailbox
 from hil.foxglove_view import FoxgloveView
 from hil.host.live_presence import Presence, footprint
@@ -22,6 +21,7 @@ from hil.host.live_spec import LiveSpec
 from hil.host.live_time import RunTime
 from hil.record import Recorder
 from hil.runs import write_json
+from hil.sensing import mounted_cameras
 from hil.topics import TOPICS
 from vehicle.airframe import load_airframe
 
