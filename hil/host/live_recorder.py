@@ -59,7 +59,8 @@ def record(spec: LiveSpec) -> int:
     plan = spec.plan()
     camera = mounted_cameras(plan.rig.camera, load_airframe(plan.rig.vehicle.airframe), spec.draw(plan))[1]
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
-    sys.setswitchinterval(2e-4)  # a thread of the bus may not wait 5 ms for the interpreter
+    # it has time and much to do: each hand-over of the interpreter costs a wait for the processor on a busy machine
+    sys.setswitchinterval(2e-2)
     state, presence = {"stop": False, "orders": [], "told": 0.0}, Presence()
     mailbox, sorter, seen = Mailbox(depth=8192, pictures=60, urgent=()), Sorter(), _Seen()
 
