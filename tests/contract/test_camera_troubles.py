@@ -1,4 +1,4 @@
-"""Time stamps of cameras, and everything that can be wrong with one: told in a line, counted, never raised in flight."""
+"""Time stamps of cameras, and what can be wrong with one: told in a line, counted, never raised in flight."""
 
 import time
 

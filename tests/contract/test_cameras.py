@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 from camera_makers import (
+    MS,
     install_fake_gst,
     mcap_jpeg,
     mcap_raw,
