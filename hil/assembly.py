@@ -10,8 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
+from groundcar.dead_reckoning import DeadReckoning
 from groundcar.follower import Follower
 from groundcar.scout_link import ScoutLink
 from groundcar.scout_params import load_scout
@@ -19,22 +18,15 @@ from groundcar.scout_sim import ScoutSim
 from hil.gate import CarGate, Gate
 from hil.node import Node
 from hil.nodes.belief import BeliefNode
-from hil.nodes.camera_device import CameraDevice
-from hil.nodes.camera_model import CameraModel
-from hil.nodes.camera_sim import CameraSim
 from hil.nodes.car import CarDevice, CarFollower, CarLink
 from hil.nodes.detector import Detector
 from hil.nodes.director import Director
-from hil.nodes.mocap import MocapNode
-from hil.nodes.mocap_device import MocapDevice
 from hil.nodes.policy import PolicyNode
 from hil.nodes.referee import Referee
 from hil.nodes.vehicle import VehicleDevice, VehicleLink
 from hil.platform_motion import hover_start, motion_aux, start_parameter, start_platform
-from hil.rig import CameraSlot, Rig
-from hil.wires.camera import Mode
-from hil.wires.camera_kinds import open_camera
-from hil.wires.mocap_vrpn import VrpnMocap
+from hil.rig import Rig
+from hil.sensing import camera_node, mocap_node, mounted_cameras
 from kernel.random import stream
 from policies.belief import BoardFilter
 from policies.contact import ContactRules
@@ -44,15 +36,9 @@ from scenarios.spec import Scenario
 from vehicle import airframe as af
 from vehicle.apriltag import BoardDetector
 from vehicle.board import Board
-from vehicle.camera import Camera
-from vehicle.mocap import Mocap
-from vehicle.observation_noise import BIAS_DIM, measured_noise, paper_noise
 from vehicle.px4_link import Px4Link
 from vehicle.px4_link_types import LinkConfig, Signing
 from vehicle.px4_sim import Px4Sim
-from vehicle.render import Renderer
-from vehicle.render_sensor import Sensor
-from vehicle.rotations import from_rotation_vector
 from vehicle.wind import Wind
 
 PREPARE_LIMIT_NS = 90_000_000_000
@@ -61,7 +47,6 @@ PREPARE_LIMIT_REAL_NS = 130_000_000_000  # a SITL lags behind wall time
 EXTERNAL_POSE_PARAMETERS = {
     "EKF2_EV_CTRL": 11, "EKF2_GPS_CTRL": 0, "EKF2_HGT_REF": 3, "SYS_HAS_GPS": 0, "SENS_EN_GPSSIM": 0,
 }  # fmt: skip
-_MS = 1_000_000
 
 
 class Wires(Protocol):
@@ -105,7 +90,7 @@ class Assembly:
         self._make_policy, self._wires, self._stopwatch = make_policy, wires, stopwatch
         self._unix_ns = unix_ns
         self._frame = af.load_airframe(rig.vehicle.airframe)
-        self._true_camera, self.camera = mounted_cameras(rig.camera, self._frame, drawn)
+        self.camera = mounted_cameras(rig.camera, self._frame, drawn)[1]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -157,20 +142,27 @@ class Assembly:
             config = replace(config, clock_drift=slot.clock_drift, signing=_signing(slot.signing_key, self._unix_ns))
         seen_by_simulation = real and "sim" in (self._rig.camera.kind, self._rig.mocap.kind)
         link = Px4Link(self._wires.vehicle_link(), config)
-        virtual_board = real and self._rig.groundcar.kind == "sim"
+        virtual_board = real and "sim" in (self._rig.groundcar.kind, self._rig.mocap.kind)
         return VehicleLink(link, Gate(self._rig.gate), seen_by_simulation, slot.external_pose, virtual_board)
 
     def _start(self) -> tuple[float, float, float, float]:
         return hover_start(self._scenario, self._drawn, load_scout().follower.acceleration)
 
     def _car_device(self) -> CarDevice:
-        board, platform = self._scenario.board, start_platform(self._scenario, self._drawn)
-        pose = (float(platform[0]), float(platform[1]), float(platform[3]))
-        sim = ScoutSim(self._wires.car_device(), seed=self._drawn.car_seed, pose=pose)
+        board = self._scenario.board
+        sim = ScoutSim(self._wires.car_device(), seed=self._drawn.car_seed, pose=self._car_start())
         return CarDevice(sim, board.height, math.radians(board.inclination_deg))
 
+    def _car_start(self) -> tuple[float, float, float]:
+        platform = start_platform(self._scenario, self._drawn)
+        return float(platform[0]), float(platform[1]), float(platform[3])
+
     def _car_link(self) -> CarLink:
-        return CarLink(ScoutLink(self._wires.car_link()), CarGate(self._rig.car_gate))
+        rig, board = self._rig, self._scenario.board
+        seen = DeadReckoning(self._car_start(), board.height, math.radians(board.inclination_deg))
+        seen_by_simulation = rig.groundcar.kind != "sim" and "sim" in (rig.camera.kind, rig.mocap.kind)
+        link = ScoutLink(self._wires.car_link())
+        return CarLink(link, CarGate(rig.car_gate), seen if seen_by_simulation else None)
 
     def _car_follower(self) -> CarFollower:
         aux = motion_aux(self._scenario, self._drawn)
@@ -178,13 +170,7 @@ class Assembly:
         return CarFollower(Follower(aux, start, stream(self._drawn.speed_seed)))
 
     def _mocap(self) -> Node:
-        slot, seed = self._rig.mocap, self._drawn.mocap_seed
-        if slot.kind == "vrpn":
-            self._real_time("motion capture", slot.kind)
-            bodies = (slot.vehicle_body, slot.board_body)
-            wire = VrpnMocap(slot.server, bodies, round(slot.delay_ms * _MS)).wait_for_bodies()
-            return MocapDevice(wire, *bodies)
-        return MocapNode(Mocap(seed), Mocap(seed + 1), slot.rate_hz, round(slot.delay_ms * _MS))
+        return mocap_node(self._rig.mocap, self._drawn, self._stopwatch is not None)
 
     def _director(self) -> Director:
         limit_ns = PREPARE_LIMIT_NS if self._rig.vehicle.kind == "sim" else PREPARE_LIMIT_REAL_NS
@@ -194,33 +180,7 @@ class Assembly:
         return Referee(_rules(self._scenario, self._frame), math.radians(self._scenario.board.inclination_deg))
 
     def _camera(self) -> Node:
-        slot, drawn, rate = self._rig.camera, self._drawn, self._scenario.camera.rate
-        exposure_ns, transport_ns = round(slot.exposure_ms * _MS), round(slot.transport_ms * _MS)
-        if slot.kind != "sim":
-            if slot.kind != "mcap":
-                self._real_time("camera", slot.kind)
-            mode = Mode(self.camera.width, self.camera.height, rate)
-            return CameraDevice(open_camera(slot, mode), exposure_ns, slot.kind != "mcap")
-        if slot.source == "pictures":
-            renderer = Renderer(self._true_camera, self._board(), drawn.image_seed, Sensor(gain=slot.gain))
-            return CameraSim(renderer, rate, exposure_ns, transport_ns)
-        noise = paper_noise() if slot.model_noise == "paper" else measured_noise()
-        bias = np.zeros(BIAS_DIM)
-        bias[:3] = drawn.vision_position_bias
-        bias[3:] = from_rotation_vector(*drawn.vision_orientation_bias)
-        return CameraModel(
-            self._true_camera.row(),
-            noise,
-            bias,
-            stream(drawn.vision_seed),
-            rate,
-            exposure_ns // 2 + transport_ns,
-            round(slot.model_processing_ms * _MS),
-        )
-
-    def _real_time(self, what: str, kind: str) -> None:
-        if self._stopwatch is None:
-            raise ValueError(f"a {what} of kind {kind} keeps real time, which only the live host does: fly with --live")
+        return camera_node(self._scenario, self._rig.camera, self._frame, self._drawn, self._stopwatch is not None)
 
     def _detector(self) -> Detector:
         return Detector(BoardDetector(self.camera, self._board()), self.camera.row(), self._stopwatch)
@@ -233,18 +193,6 @@ class Assembly:
 
     def _board(self) -> Board:
         return Board(size=self._scenario.board.size)
-
-
-def mounted_cameras(slot: CameraSlot, frame: af.Airframe, drawn: Drawn) -> tuple[Camera, Camera]:
-    """(the true camera, the calibrated one). Of a device only the calibrated one is known: that of the airframe's file;
-    a recording is taken to be of a run with the same drawn numbers."""
-    offset, tilt = frame.camera.offset, math.radians(frame.camera.tilt_deg)
-    if slot.kind in ("v4l2", "gstreamer"):
-        found = slot.calibration.model_dump(exclude={"distortion"})
-        camera = Camera(**found, offset=offset, tilt=tilt)
-        return camera, camera
-    true = Camera(offset=offset, tilt=tilt + drawn.camera_tilt_offset)
-    return true, replace(true, tilt=true.tilt + drawn.camera_tilt_error)
 
 
 def _signing(path: str, unix_ns: int) -> Signing | None:

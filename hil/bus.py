@@ -80,13 +80,17 @@ def open_hub(
     try:
         session = zenoh.open(_settings(mode="router", **{"listen/endpoints": [endpoint]}, **more))
     except zenoh.ZError as error:
-        raise BusError(
-            f"the hub cannot listen on {endpoint} ({str(error).splitlines()[0][:160]}): is another hub or program on "
-            "that port? Stop it, or give another with --listen"
-        ) from None
-
+        raise BusError(f"the hub cannot listen on {endpoint}: {_listen_trouble(str(error))}") from None
     answer_clock(session)
     return session
+
+
+def _listen_trouble(text: str) -> str:
+    if "in use" in text:
+        return "another hub or program is on that port: stop it, or choose another port"
+    if "assign requested address" in text:
+        return "this host has no such address (see `ip addr`)"
+    return text.splitlines()[0][:160]
 
 
 class Publisher:

@@ -30,7 +30,7 @@ def campaign(
         Literal["pictures", "model"] | None, typer.Option(help="as for `run` [default: the rig's]")
     ] = None,
     pictures: Annotated[Literal["preview", "all", "none"], typer.Option(help="which pictures to record")] = "none",
-    jobs: Annotated[int, typer.Option(min=1, max=256, help="flights at a time [default: one a core]")] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, max=256, help="flights at a time [default: one a core]")] = None,
     out: Annotated[Path, typer.Option(help="folder of this campaign's runs and page")] = Path("campaign"),
     as_json: Annotated[bool, typer.Option("--json", help="one object on stdout, nothing else there")] = False,
 ) -> None:

@@ -22,7 +22,7 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "director": ("run/stage",),
     "referee": ("referee/contact",),
     "car_follower": ("car/reference", "car/command"),
-    "car_link": ("car/feedback", "car/sent"),
+    "car_link": ("car/feedback", "car/sent", "truth/board"),
     "camera": ("camera/image", "board/detection"),
     "detector": ("board/detection",),
     "vehicle_link": (
@@ -70,6 +70,8 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         outputs = {t for node in nodes for t in OUTPUTS[node]}
         if "vehicle_link" in nodes and any("vehicle_device" in others for others in services.values()):
             outputs.discard("truth/vehicle")  # it stands for the truth only where nothing else tells it
+        if "car_link" in nodes and any("car_device" in others for others in services.values()):
+            outputs.discard("truth/board")  # the same
         if "camera" in nodes and any("detector" in others for others in services.values()):
             outputs.discard("board/detection")  # it sees the board only where nobody looks at its pictures
         publish = sorted({TOPIC + t for t in outputs} | {TOPIC + "event", HEALTH + service})

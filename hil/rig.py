@@ -56,7 +56,8 @@ class VehicleSlot(_Section):
 
 
 class GroundcarSlot(_Section):
-    """The car under the board. `interface` and `channel` are python-can's, for kind can."""
+    """The car under the board. `interface` and `channel` are python-can's, for kind can. While motion capture or camera
+    are simulated, they see a real car where its wheels say that it is, from the scenario's start on."""
 
     kind: Literal["sim", "can"] = "sim"
     interface: Literal["socketcan", "udp_multicast", "virtual"] = "socketcan"

@@ -151,6 +151,8 @@ def policy_identity(policy: str) -> dict[str, Any]:
 def open_run(path: Path | str) -> Run:
     """The run in folder `path`. Raises RunError if there is none or its manifest is unreadable."""
     run = Run(Path(path))
+    if run.path.is_file():
+        raise RunError(f"{run.path}: is a file: give the run's folder")
     if not run.path.is_dir():
         raise RunError(f"{run.path}: no such run folder")
     if not (run.path / MANIFEST).exists():

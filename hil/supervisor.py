@@ -27,6 +27,7 @@ READY_LIMIT_S = 600.0  # kernels may have to be compiled
 _MUTE_S = 0.9  # services say their health twice a second
 _BEAT_S = 0.2
 _STOP_S = 4.0
+_RECORDER_S = 15.0  # it still has to write what came last
 _QUIET = ("camera/image", "vehicle/sent")  # big, or silent by design once the gate or the referee has spoken
 
 
@@ -197,7 +198,8 @@ class Supervisor:
                     os.kill(process.pid, signal.SIGTERM)
             elif process.ended() is None:
                 self._say_stop(service)
-            remark = process.end(_STOP_S if self._hub_lives() else 0.0, self.beat)
+            patience_s = _RECORDER_S if service == "recorder" else _STOP_S
+            remark = process.end(patience_s if self._hub_lives() else 0.0, self.beat)
             if remark:
                 self.remarks.append(remark)
         self._processes.clear()

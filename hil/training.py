@@ -20,6 +20,7 @@ from policies.train_recipe import Recipe, load_recipe
 
 RECIPES = {"state": "imitate", "vision": "watch"}
 _LINE_EVERY = 30.0  # s between lines where there is no terminal
+_SAME_WISH = 1.0  # s: torchrun passes a Ctrl-C on to processes that have had it from the terminal
 
 
 @dataclass(frozen=True)
@@ -36,24 +37,30 @@ class Request:
 
     def again(self) -> str:
         """The command that goes on with this run."""
-        words = ["perch-hil", "train", "--stage", self.stage, "--recipe", self.recipe, "--seed", str(self.seed)]
+        world = os.environ.get("WORLD_SIZE", "1")
+        words = ["perch-hil"] if world == "1" else ["torchrun", f"--nproc-per-node={world}", "-m", "hil"]
+        words += ["train", "--stage", self.stage, "--recipe", self.recipe, "--seed", str(self.seed)]
         words += ["--out", str(self.out), "--device", self.device, "--resume"]
         return shlex.join(words)
 
 
 class _Stop:
-    """True once somebody wants the run to end; a second Ctrl-C ends it at once, without saving."""
+    """True once somebody wants the run to end; a later Ctrl-C ends it at once, without saving."""
 
     def __init__(self, console: Console) -> None:
-        self._wanted, self._console = False, console
+        self._console = console
+        self._asked: float | None = None
 
     def __call__(self) -> bool:
-        return self._wanted
+        return self._asked is not None
 
     def _ask(self, number: int, _frame: object) -> None:
-        if self._wanted:
+        if self._asked is None:
+            self._asked = time.monotonic()
+        elif number == signal.SIGINT and time.monotonic() - self._asked > _SAME_WISH:
             raise KeyboardInterrupt
-        self._wanted = True
+        else:
+            return
         if _first():
             self._console.print(f"{signal.Signals(number).name}: saving after this iteration; once more to lose it")
 

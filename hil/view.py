@@ -61,6 +61,8 @@ def open_viewer(run: Path | str) -> None:
     """
     sdk = rerun()
     recorded = load(run)
+    if not has_display():
+        raise ViewerError("there is no display for a window here. Use --save FILE.rrd and open that elsewhere", 3)
     with tempfile.TemporaryDirectory(prefix="perch-hil-") as folder:
         path = Path(folder) / f"{recorded.name}.rrd"
         _write(sdk, recorded, path)
@@ -110,7 +112,8 @@ def address(port: int) -> str:
 
 def has_display() -> bool:
     """Whether a window can be asked for here."""
-    return not sys.platform.startswith("linux") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    names = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
+    return not sys.platform.startswith("linux") or any(map(os.environ.get, names))
 
 
 def free_port() -> int:

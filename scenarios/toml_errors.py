@@ -70,9 +70,9 @@ def place(data: Any, location: Sequence[str | int]) -> str:
 
 
 def nearest(word: str, allowed: Sequence[str]) -> str:
-    """`; did you mean "x"?` for the allowed word closest to `word`, or nothing if none is close."""
+    """`; did you mean "x"?` for the allowed word closest to `word`, or a full stop if none is close."""
     match = difflib.get_close_matches(word.lower(), list(allowed), n=1, cutoff=0.6)
-    return f'; did you mean "{match[0]}"?' if match else ""
+    return f'; did you mean "{match[0]}"?' if match else "."
 
 
 def _follows(fault: Any) -> bool:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.assembly import mounted_cameras
 from hil.check.registry import NotApplicable, Unavailable
 from hil.rig import Rig
+from hil.sensing import mounted_cameras
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario
 from vehicle.airframe import Airframe

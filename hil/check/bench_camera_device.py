@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hil.assembly import mounted_cameras
 from hil.check.bench_camera import PICTURES, Quat, Seen, measure
 from hil.check.registry import Unavailable
 from hil.reader import Recording
 from hil.record import PREFIX
 from hil.rig import Rig
+from hil.sensing import mounted_cameras
 from hil.wires import WireError
 from hil.wires.camera import CameraWire, Mode
 from hil.wires.camera_kinds import open_camera

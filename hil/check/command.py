@@ -20,7 +20,7 @@ from hil.check import records
 from hil.check.checklist import Checklist, load_checklist
 from hil.check.context import Context, subject
 from hil.check.junit import write_junit
-from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, USAGE, Record, RecordError, iso
+from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, USAGE, Record, RecordError, iso, passed
 from hil.check.registry import checks
 from hil.check.screen import Screen
 from hil.check.session import Session, list_subject, new_record
@@ -153,8 +153,8 @@ def _begin(wish: Wish, checklist: Checklist, about: dict[str, Any]) -> tuple[Pat
 
 
 def _say_resuming(path: Path, record: Record) -> None:
-    answered = sum(entry.kind == "manual" and entry.utc != "" for entry in record.entries)
-    print(f"going on with {path}: {answered} answers kept, automatic items are checked again", file=sys.stderr)
+    kept = sum(entry.kind == "manual" and entry.utc != "" and passed(entry) for entry in record.entries)
+    print(f"going on with {path}: {kept} answers kept, automatic items are checked again", file=sys.stderr)
 
 
 def _outputs(wish: Wish, record: Record) -> None:

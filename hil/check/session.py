@@ -170,7 +170,7 @@ def new_record(checklist: Checklist, subject: dict) -> Record:
     known, entries = checks(), []
     for g, i, key in checklist.places():
         group, item = checklist.group[g], checklist.group[g].item[i]
-        title = item.title or item.ask or known[item.check].about
+        title = item.title or item.ask or known[item.check].about.rstrip(".")
         unit = item.unit or (known[item.check].unit if item.check else "")
         entries.append(
             Entry(

@@ -32,8 +32,7 @@ class Keyboard:
         fd = self._stream.fileno()
         before = termios.tcgetattr(fd)
         try:
-            tty.setcbreak(fd)  # Ctrl-C still interrupts
-            termios.tcflush(fd, termios.TCIFLUSH)
+            tty.setcbreak(fd, termios.TCSAFLUSH)  # throws away what was typed; Ctrl-C still interrupts
             prompt()
             while True:
                 data = os.read(fd, 64)

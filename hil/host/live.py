@@ -184,7 +184,9 @@ class LiveService:
         for rank in woken:
             self._seats[rank].quiet_ns = self._now() + _WIRE_REST_NS
             self._step(rank, self._now())
-        while self._ticks and self._ticks[0][0] <= self._now():
+        for _ in self._ticks:  # once each: whoever cannot keep his period still hears, and tells, in between
+            if self._ticks[0][0] > self._now():
+                break
             self._tick()
         while self._delayed and self._delayed[0][0] <= self._now():
             self._publish(heapq.heappop(self._delayed)[2])

@@ -37,8 +37,9 @@ def check_service(rig: Rig, service: str) -> None:
     """Raises ConfigError unless `service` of `rig` can run on another host."""
     known = services(rig)
     if service not in known:
-        names = [*known, "hub"]
-        raise ConfigError(f"this rig has no service {service!r}{nearest(service, names)} It has {', '.join(names)}")
+        raise ConfigError(
+            f"this rig has no service {service!r}{nearest(service, list(known))} It has {', '.join(known)}"
+        )
     for slot, tied in ((rig.vehicle, ("vehicle_link", "vehicle_device")), (rig.groundcar, ("car", "car_device"))):
         if slot.kind == "sim" and service in tied:
             raise ConfigError(f"{service}: a simulated device and its driver share a wire of one host: not --remote")

@@ -34,9 +34,13 @@ class Presence:
         """The supervisor has said something."""
         self._heard_ns = self._clock()
 
+    def orphaned(self) -> bool:
+        """Whether the process that started this one is gone."""
+        return not self._remote and self._parent() != self._first_parent
+
     def gone(self) -> str:
         """Why the supervisor is taken for gone; empty while it is there, or has not yet said anything."""
-        if not self._remote and self._parent() != self._first_parent:
+        if self.orphaned():
             return "the supervisor is gone"
         silent_ns = self._clock() - self._heard_ns
         if self._heard_ns and silent_ns > SILENT_NS:

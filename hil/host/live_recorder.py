@@ -6,26 +6,29 @@ and written. What comes later than that moment is written with the time it could
 
 from __future__ import annotations
 
+import gc
 import heapq
 import os
 import signal
+import sys
 import time
 from types import FrameType
 from typing import Any
 
-from hil.assembly import Assembly
 from hil.bus import CONTROL, HEALTH, Bus, Letter, Mailbox
 from hil.foxglove_view import FoxgloveView
 from hil.host.live_presence import Presence, footprint
-from hil.host.live_spec import LiveSpec, simulated_twin
+from hil.host.live_spec import LiveSpec
 from hil.host.live_time import RunTime
 from hil.record import Recorder
 from hil.runs import write_json
-from hil.simulation import MemoryWires
+from hil.sensing import mounted_cameras
 from hil.topics import TOPICS
+from vehicle.airframe import load_airframe
 
 SETTLE_NS = 250_000_000  # how long a message waits for older ones
-_TURN_S = 0.02
+_TURN_S, _TELL_S = 0.02, 0.5
+_WITNESS_S = 22.0  # recorded after the supervisor is gone: everybody has come to the safe state by then
 
 
 class Sorter:
@@ -55,14 +58,15 @@ def record(spec: LiveSpec) -> int:
     """Record until stopped. Raises RecordingError if that is not possible, BusError without a hub."""
     assert spec.folder is not None
     plan = spec.plan()
-    twin = simulated_twin(plan.rig)
-    camera = Assembly(plan.scenario, twin, spec.draw(plan), plan.make_policy, MemoryWires(twin, lambda: 0)).camera
+    camera = mounted_cameras(plan.rig.camera, load_airframe(plan.rig.vehicle.airframe), spec.draw(plan))[1]
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
-    state, presence = {"stop": False, "orders": []}, Presence()
+    # it has time and much to do: each hand-over of the interpreter costs a wait for the processor on a busy machine
+    sys.setswitchinterval(2e-2)
+    state, presence = {"stop": False, "orders": [], "told": 0.0}, Presence()
     mailbox, sorter, seen = Mailbox(depth=8192, pictures=60, urgent=()), Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
-        state["stop"] = not presence.gone()
+        state["stop"] = not presence.orphaned()  # else the signal tells of the parent's death, and others still land
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
@@ -72,10 +76,14 @@ def record(spec: LiveSpec) -> int:
         presence.heard()
         state["orders"].append(order)
 
-    def tell(bus: Bus, what: str) -> None:
+    def tell(bus: Bus, what: str, at_most_every_s: float = 0.0) -> bool:
+        if time.monotonic() - state["told"] < at_most_every_s:
+            return False
+        state["told"] = time.monotonic()
         table = {"service": "recorder", "pid": os.getpid(), "state": what, "late": sorter.late, "nodes": {}}
         table |= {"lost": dict(mailbox.lost), "dropped": dict(mailbox.dropped), **footprint()}
         bus.say(HEALTH + "recorder", table)
+        return True
 
     with (
         Recorder(spec.folder / "run.mcap", view=view) as recorder,
@@ -85,7 +93,8 @@ def record(spec: LiveSpec) -> int:
         bus.subscribe("recorder", wanted, mailbox)
         bus.hear(CONTROL, take)
         run_time = RunTime(bus.clock())
-        told = 0.0
+        gc.collect()
+        gc.freeze()  # a look at everything that was imported takes a tenth of a second
         while not state["stop"]:
             time.sleep(_TURN_S)
             for order in _orders(state["orders"]):
@@ -99,12 +108,10 @@ def record(spec: LiveSpec) -> int:
             if run_time.begun:
                 for now, letter in sorter.take(run_time.now()):
                     recorder(now, letter.topic, letter.message)
-            if time.monotonic() - told > 0.5:
-                told = time.monotonic()
-                tell(bus, "running" if run_time.begun else "ready")
-                if presence.gone():  # record the safe state that follows, then end
-                    orphaned_s = orphaned_s or told
-                    state["stop"] = told - orphaned_s > 22.0
+                    tell(bus, "running", _TELL_S)  # busy with much at once is not dead
+            if tell(bus, "running" if run_time.begun else "ready", _TELL_S) and presence.gone():
+                orphaned_s = orphaned_s or state["told"]  # the safe state that follows is recorded
+                state["stop"] = state["told"] - orphaned_s > _WITNESS_S
         for letter in mailbox.drain():
             seen.note(letter)
             sorter.add(letter)

@@ -12,20 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from hil.bus import Bus, Mailbox
-from hil.bus_clock import DateWatch
+from hil.bus_clock import Clock, DateWatch
 from hil.campaign import Plan
 from hil.flight import Flight
-from hil.host.live_latency import latencies
-from hil.host.live_latency import table as latency_table
+from hil.host.live_judge import Ended, judge
 from hil.host.live_spec import LiveSpec, services
 from hil.host.live_time import clock_lines
 from hil.host.live_wires import free_ports
 from hil.left_overs import remove_orphaned_memory
 from hil.messages import Event, Stage
 from hil.provenance import Code
-from hil.reader import ReadError, Recording
-from hil.runs import Run, new_run, policy_identity, write_json
-from hil.score import Score, Scorer, score_messages
+from hil.runs import new_run, policy_identity, write_json
 from hil.supervisor import Supervisor, SupervisorError
 
 _TURN_S = 0.05
@@ -110,7 +107,7 @@ def fly_live(
     )  # fmt: skip
     spec.write(logs / "spec.json")
     wall, began, state = time.perf_counter(), time.time(), "failed"
-    ended = _Ended()
+    ended = Ended()
     try:
         with Supervisor(logs / "spec.json", endpoint, logs, remote, spec.digest(plan)) as supervisor:
             try:
@@ -122,7 +119,7 @@ def fly_live(
         state = "interrupted" if ended.interrupted else "failed" if ended.trouble else "finished"
     finally:
         leaked = remove_orphaned_memory(began)
-        score, table = _judge(run, plan, seed, ended)
+        score, table = judge(run, plan, seed, ended)
         table["shared_memory_removed"] = len(leaked)
         write_json(run.path / "live.json", table)
         run.write_score(score.as_dict())
@@ -135,24 +132,12 @@ def fly_live(
     return LiveFlight(flight, table)
 
 
-class _Ended:
-    """How a run ended."""
-
-    def __init__(self) -> None:
-        self.interrupted = False
-        self.trouble = self.failure = ""
-        self.stage = "prepare"
-        self.health: dict[str, dict[str, Any]] = {}
-        self.remarks: list[str] = []
-        self.load = (0.0, 0.0)
-
-
 def _fly(
     supervisor: Supervisor,
     spec: LiveSpec,
     plan: Plan,
     progress: Callable[[int, str], None],
-    ended: _Ended,
+    ended: Ended,
     remote: tuple[str, ...],
     watch: Callable[[Supervisor], object],
 ) -> None:
@@ -173,7 +158,7 @@ def _fly(
                 ["recorder", *wanted], waiting=lambda missing: progress(0, f"waiting for {', '.join(missing)}")
             )
             ended.load = (os.getloadavg()[0], 0.0)
-            hub_clock, date = bus.clock().measure(), DateWatch()
+            hub_clock, date = _hub_clock(bus), DateWatch()
             started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns)
 
             def tell(severity: str, text: str) -> None:
@@ -218,7 +203,14 @@ def _fly(
             ear.close()
 
 
-def _bring_down(supervisor: Supervisor, ended: _Ended, ear: _Ear | None) -> None:
+def _hub_clock(bus: Bus) -> Clock:
+    try:
+        return bus.clock().measure()
+    except TimeoutError as error:
+        raise SupervisorError(str(error)) from None
+
+
+def _bring_down(supervisor: Supervisor, ended: Ended, ear: _Ear | None) -> None:
     """Everybody to the safe state; a second Ctrl-C cuts it short."""
     if ear is None:
         return
@@ -246,38 +238,6 @@ def _wait(supervisor: Supervisor, done: Callable[[], bool], limit_s: float) -> N
     while time.monotonic() < until and not done():
         supervisor.beat()
         time.sleep(_TURN_S)
-
-
-def _judge(run: Run, plan: Plan, seed: int, ended: _Ended) -> tuple[Score, dict[str, Any]]:
-    """Score and time-keeping from what was recorded."""
-    try:
-        recording = Recording(run.recording)
-        messages = list(recording.messages([t for t in _SCORED if "/perch/" + t in recording.topics]))
-        score = score_messages(plan.scenario, seed, messages)
-        latency = latency_table(latencies(messages))
-    except ReadError as error:
-        ended.trouble = ended.trouble or str(error)
-        score, latency = Scorer(plan.scenario, seed).result(), {"count": 0}
-    slot = plan.rig.camera
-    table = {
-        "ended": {"trouble": ended.trouble, "interrupted": ended.interrupted, "stage": ended.stage},
-        "exposure_to_action": latency,
-        "of_it_exposure_and_transport_ms": slot.exposure_ms / 2 + slot.transport_ms if slot.kind == "sim" else None,
-        "cores": os.cpu_count(),
-        "load_average": ended.load,
-        "remarks": ended.remarks,
-        "services": {name: _words(one) for name, one in sorted(ended.health.items())},
-    }
-    return score, table
-
-
-_SCORED = (
-    "run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent", "policy/action",
-)  # fmt: skip
-
-
-def _words(table: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in table.items() if key not in ("heard_ns", "service", "outputs")}
 
 
 def _free_port() -> int:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from groundcar.board_pose import board_position, board_quaternion, board_velocity
+from groundcar.dead_reckoning import DeadReckoning
 from groundcar.follower import Follower
 from groundcar.motion import HEADING, SPEED, TURN_RATE
 from groundcar.scout_link import ScoutLink, WrongProtocolError
@@ -76,8 +79,13 @@ class CarLink:
     wakes = ("car/command",)
     period_ns = CONTROL_PERIOD_NS
 
-    def __init__(self, link: ScoutLink, gate: CarGate | None = None) -> None:
-        self._link, self._gate = link, gate or CarGate(CarGateLimits())
+    def __init__(
+        self, link: ScoutLink, gate: CarGate | None = None, stands_for_truth: DeadReckoning | None = None
+    ) -> None:
+        """`stands_for_truth`: a real car seen by simulated sensors; they see it where its wheels say it is."""
+        self._link, self._gate, self._truth = link, gate or CarGate(CarGateLimits()), stands_for_truth
+        if stands_for_truth is not None:
+            self.outputs = (*CarLink.outputs, "truth/board")
         self._fault = ""
         self._said: CarFeedback | None = None
         self._sent = 0
@@ -120,6 +128,9 @@ class CarLink:
         self._said = CarFeedback(
             said.stamp_ns, said.speed, said.turn_rate, said.mode, said.battery_v, said.fault, said.rejected_frames
         )
+        if self._truth is not None:
+            self._truth.add(said.stamp_ns, said.speed, said.turn_rate)
+            outs.append(Out("truth/board", board_of(now_ns, self._truth.platform_row(now_ns))))
         return [*outs, Out("car/feedback", self._said)]
 
     def _checked(self, now_ns: int, command: CarCommand, outs: list[Out]) -> CarCommand | None:
@@ -149,18 +160,21 @@ class CarDevice:
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         self._sim.step(now_ns)
-        row = self._sim.platform_row(self._height, self._inclination)
-        x, y, z = board_position(row)
-        state = BoardState(
-            stamp_ns=now_ns,
-            position=(float(x), float(y), float(z)),
-            velocity=board_velocity(row),
-            orientation=board_quaternion(row),
-            heading=float(row[HEADING]),
-            speed=float(row[SPEED]),
-            turn_rate=float(row[TURN_RATE]),
-        )
-        return [Out("truth/board", state)]
+        return [Out("truth/board", board_of(now_ns, self._sim.platform_row(self._height, self._inclination)))]
 
     def close(self) -> None:
         pass
+
+
+def board_of(stamp_ns: int, row: np.ndarray) -> BoardState:
+    """The board's state from a platform row (8,)."""
+    x, y, z = board_position(row)
+    return BoardState(
+        stamp_ns=stamp_ns,
+        position=(float(x), float(y), float(z)),
+        velocity=board_velocity(row),
+        orientation=board_quaternion(row),
+        heading=float(row[HEADING]),
+        speed=float(row[SPEED]),
+        turn_rate=float(row[TURN_RATE]),
+    )

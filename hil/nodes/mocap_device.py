@@ -12,7 +12,7 @@ from hil.wires.mocap_vrpn import BodyPose
 from vehicle.mocap_motion import BodyMotion
 from vehicle.rotations import rotate
 
-_POLL_NS = 2_000_000
+_POLL_NS = 5_000_000
 _HIDDEN_NS = 200_000_000
 
 

@@ -67,6 +67,10 @@ class Capture(Protocol):
     @property
     def trouble(self) -> str: ...
 
+    def stop(self) -> None:
+        """End a `read` that waits in another thread, where that is possible."""
+        ...
+
     def close(self) -> None: ...
 
 
@@ -123,8 +127,10 @@ class NewestPicture:
         """Give the device back; may be called twice."""
         if not self._closing:
             self._closing = True
+            self._capture.stop()
             self._thread.join(2.0)
-            self._capture.close()
+            if not self._thread.is_alive():  # a driver that hangs may not have its device taken from under it
+                self._capture.close()
 
     def _run(self) -> None:
         while not self._closing:

@@ -83,14 +83,17 @@ class PipeCapture:
             return None
         return np.frombuffer(data, np.uint8).reshape(self._shape), None
 
-    def close(self) -> None:
-        """End the process."""
+    def stop(self) -> None:
+        """End the process, and with it the pipe."""
         self._process.terminate()
         try:
             self._process.wait(1.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+    def close(self) -> None:
+        """Close the pipe; comes after `stop`."""
         if self._process.stdout is not None:
             self._process.stdout.close()
         self._words.close()

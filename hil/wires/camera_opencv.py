@@ -36,6 +36,9 @@ class OpenCvCapture:
         stamp = round(self._capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6) if self._stamped else None
         return grey(frame), stamp
 
+    def stop(self) -> None:
+        """OpenCV has nothing for it: the next picture, or its own time limit, ends a `read`."""
+
     def close(self) -> None:
         """Release the device."""
         self._capture.release()

@@ -6,6 +6,7 @@ delay, and is uncertain by those 10 ms.
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections import deque
@@ -54,6 +55,7 @@ class VrpnMocap:
         A server that does not answer is not noticed here, but in `wait_for_bodies`.
         """
         self.server = server
+        _resolve(server)
         try:
             self._client = package().connect("vrpn", {"hostname": server})
         except (RuntimeError, ValueError) as error:
@@ -133,6 +135,18 @@ class VrpnMocap:
         with self._lock:
             self._waiting.append((name, stamp_ns, *pose))
             self._heard_ns = self._clock()
+
+
+def _resolve(server: str) -> None:
+    """The library goes on with a host that it cannot find, and complains a hundred times a second."""
+    host, _, port = server.partition(":")
+    fault = "" if not port or (port.isdecimal() and 0 < int(port) < 65536) else "that is no port"
+    try:
+        socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)
+    except OSError as error:
+        fault = fault or str(error)
+    if fault:
+        raise WireError(f'motion capture at "{server}" is no HOST or HOST:PORT that this machine can find: {fault}')
 
 
 def _listed(names: set[str]) -> str:

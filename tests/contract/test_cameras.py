@@ -1,116 +1,26 @@
 """What every kind of camera must do, whatever gives the pictures. Kinds whose hardware is missing skip by name."""
 
-import os
-import shutil
-import stat
-import sys
-import textwrap
 import time
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-
-from hil.foxglove_view import FoxgloveView
-from hil.messages import Image
-from hil.record import Recorder
-from hil.rig import CameraSlot
-from hil.wires import WireError
-from hil.wires import camera_gstreamer as gst
-from hil.wires.camera import Mode, NewestPicture, undistortion, wait_for_picture
-from hil.wires.camera_kinds import open_camera
-from hil.wires.camera_mcap import RecordedCamera
-from hil.wires.camera_opencv import OpenCvCapture, ask, open_v4l2
-
-MS = 1_000_000
-MODE = Mode(320, 240, 50.0)
-COUNT = 20
-
-
-def picture(number):
-    """Its brightness grows with its number, which survives every compression."""
-    return np.full((MODE.height, MODE.width), 10 + 10 * number, np.uint8)
-
-
-def number(pixels):
-    return round((float(pixels.mean()) - 10.0) / 10.0)
-
-
-def record(folder, pictures, size=MODE, count=COUNT):
-    """A run's recording: picture k is exposed at 1 s + 20k ms, and came 12 ms later."""
-    with Recorder(folder / "run.mcap", topics=["camera/image", "event"], view=FoxgloveView(pictures=pictures)) as tap:
-        for k in range(count):
-            stamp = 1_000 * MS + 20 * k * MS
-            image = Image(stamp, size.width, size.height, 2 * MS, picture(k).tobytes(), k)
-            tap(stamp + 12 * MS, "camera/image", image)
-    return folder / "run.mcap"
-
-
-# one maker a kind: (folder) -> a camera that shows picture 0 to 19, one each 20 ms
-
-
-def video_file(folder):
-    """The reader of V4L2 devices, on a file."""
-    path = str(folder / "film.avi")
-    writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"MJPG"), MODE.rate_hz, (MODE.width, MODE.height), False)
-    for k in range(COUNT):
-        writer.write(picture(k))
-    writer.release()
-    capture = OpenCvCapture(cv2.VideoCapture(path), stamped=False, pace_s=0.02)
-    return NewestPicture(capture, MODE, path, arrival_delay_ns=12 * MS)
-
-
-def mcap_raw(folder):
-    return RecordedCamera(record(folder, "raw"), MODE)
-
-
-def mcap_jpeg(folder):
-    return RecordedCamera(record(folder, "all").parent, MODE)
-
-
-FAKE_GST = f"""\
-    #!{sys.executable}
-    import sys, time
-    assert "videoconvert" in sys.argv and sys.argv[-2:] == ["fdsink", "fd=1"], sys.argv
-    if "brokensrc" in sys.argv:
-        sys.exit("ERROR: pipeline could not be constructed: no element \\"brokensrc\\".")
-    for k in range({COUNT}):
-        sys.stdout.buffer.write(bytes([10 + 10 * k]) * {MODE.width * MODE.height})
-        sys.stdout.buffer.flush()
-        time.sleep(0.02)
-    sys.stderr.write("ERROR: from element /GstPipeline:pipeline0/GstV4l2Src: Device was unplugged\\n")
-"""
+from camera_makers import (
+    MS,
+    install_fake_gst,
+    mcap_jpeg,
+    mcap_raw,
+    number,
+    pipe,
+    real_gstreamer,
+    take,
+    v4l2,
+    video_file,
+)
 
 
 @pytest.fixture
 def fake_gst(tmp_path, monkeypatch):
-    """A gst-launch-1.0 that knows one pipeline."""
-    program = tmp_path / "bin" / gst.PROGRAM
-    program.parent.mkdir()
-    program.write_text(textwrap.dedent(FAKE_GST))
-    program.chmod(program.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
-    monkeypatch.setattr(gst, "opencv_has_gstreamer", lambda: False)
-
-
-def pipe(folder):
-    """The pipe of kind gstreamer, with a stand-in for the program at its other end."""
-    return gst.open_gstreamer("fakesrc", MODE, arrival_delay_ms=12.0)
-
-
-def real_gstreamer(folder):
-    if shutil.which(gst.PROGRAM) is None and not gst.opencv_has_gstreamer():
-        pytest.skip("kind gstreamer: neither gst-launch-1.0 nor an OpenCV with GStreamer is installed")
-    return gst.open_gstreamer("videotestsrc is-live=true num-buffers=20", MODE, arrival_delay_ms=12.0)
-
-
-def v4l2(folder):
-    device = next(iter(sorted(Path("/dev").glob("video*"))), None)
-    if device is None:
-        pytest.skip("kind v4l2: no camera is plugged in")
-    slot = CameraSlot(kind="v4l2", device=str(device), pixel_format="YUYV")
-    return open_camera(slot, Mode(640, 480, 30.0))
+    install_fake_gst(tmp_path, monkeypatch)
 
 
 KINDS = [video_file, mcap_raw, mcap_jpeg, pipe, real_gstreamer, v4l2]
@@ -125,17 +35,6 @@ def camera(request, tmp_path):
     yield camera
     camera.close()
     camera.close()  # twice does no harm
-
-
-def take(camera, limit_s=5.0):
-    """The next picture by the wall clock."""
-    until = time.monotonic() + limit_s
-    while time.monotonic() < until:
-        found = camera.take(time.monotonic_ns())
-        if found is not None:
-            return found
-        time.sleep(0.001)
-    raise AssertionError(f"no picture within {limit_s} s; {camera.lost}")
 
 
 def test_pictures_come_in_the_mode_asked_for_in_order_and_with_their_age(camera):
@@ -182,214 +81,3 @@ def test_a_camera_that_has_gone_says_so_and_gives_nothing_more(kind, tmp_path, f
     assert ("is gone" in camera.lost) or ("no more pictures" in camera.lost)
     assert camera.take(time.monotonic_ns()) is None
     camera.close()
-
-
-# time stamps
-
-
-class Scripted:
-    """A capture that gives what it is told to, and then waits, or ends."""
-
-    def __init__(self, *reads, then=None):
-        self.reads, self.then, self.trouble, self.closed = list(reads), then, "", False
-
-    def read(self):
-        if self.reads:
-            return self.reads.pop(0)
-        if self.then is not None:
-            time.sleep(0.005)
-            return self.then
-        return None
-
-    def close(self):
-        self.closed = True
-
-
-def opened(capture, mode=MODE, **options):
-    return NewestPicture(capture, mode, "scripted", arrival_delay_ns=17 * MS, **options)
-
-
-def test_the_driver_s_stamp_tells_the_exposure_and_arrival_does_where_there_is_none():
-    now = time.monotonic_ns()
-    for stamp, least, most in (
-        (now - 40 * MS, 37, 2_000),  # stamped 40 ms ago; the middle of the exposure is 3 ms later
-        (None, 17, 2_000),
-        (now - 3_600_000 * MS, 17, 2_000),  # of another clock
-        (now + 10_000 * MS, 17, 2_000),  # from the future
-    ):
-        camera = opened(Scripted((picture(1), stamp), then=None), stamp_offset_ns=3 * MS)
-        found = take(camera)
-        assert least * MS <= found.age_ns < most * MS
-        assert camera.unstamped == (stamp is None or abs(now - stamp) > 500 * MS)
-        camera.close()
-
-
-def test_the_age_grows_until_the_picture_is_taken():
-    clock = [0]
-    camera = opened(Scripted((picture(1), None), (picture(1), None), then=None), clock=lambda: clock[0])
-    camera._thread.join()
-    clock[0] = 30 * MS
-    assert camera.take(0).age_ns == 47 * MS
-    camera.close()
-
-
-def test_a_recorded_picture_keeps_its_age_and_its_place_in_time(tmp_path):
-    camera = mcap_raw(tmp_path)
-    start = 77_000 * MS
-    first = camera.take(start)
-    assert (number(first.pixels), first.age_ns) == (0, 12 * MS)
-    assert camera.take(start + 19 * MS) is None
-    second = camera.take(start + 25 * MS)
-    assert (number(second.pixels), second.age_ns) == (1, 17 * MS)
-    assert number(camera.take(start + 100 * MS).pixels) == 5
-    assert camera.dropped == 3
-
-
-def test_a_lens_s_distortion_is_taken_out_and_straight_lines_are_straight_again():
-    mode = Mode(640, 480, 30.0)
-    matrix = np.array([[400.0, 0.0, 319.5], [0.0, 400.0, 239.5], [0.0, 0.0, 1.0]])
-    lens = (-0.25, 0.06, 0.001, -0.001, 0.0)
-    u, v = np.meshgrid(np.arange(640.0), np.arange(480.0))
-    ideal = cv2.undistortPoints(np.stack([u.ravel(), v.ravel()], 1)[:, None], matrix, np.array(lens), P=matrix)
-    x = ideal[:, 0, 0].reshape(480, 640)  # where each distorted pixel stands in the ideal picture
-    taken = np.where((x > 100.0) & (x < 110.0), 255, 0).astype(np.uint8)  # an upright bar, bent by the lens
-    seen = opened(Scripted((taken, None)), correct=undistortion(matrix, lens, mode), mode=mode)
-    bent, straight = (
-        [(row * np.arange(640)).sum() / row.sum() for row in pixels[40:440].astype(float)]
-        for pixels in (taken, take(seen).pixels)
-    )
-    assert np.ptp(bent) > 5.0
-    assert np.ptp(straight) < 1.5, "a pixel's worth of stairs is left"
-    assert np.mean(straight) == pytest.approx(105.0, abs=0.7)
-    seen.close()
-
-
-# troubles
-
-
-def test_a_picture_of_another_size_ends_the_camera():
-    camera = opened(Scripted((np.zeros((480, 640), np.uint8), None)))
-    camera._thread.join(5.0)
-    assert camera.lost == "camera scripted sends 640x480, asked for was 320x240"
-    camera.close()
-    assert camera._capture.closed
-
-
-def test_a_silent_camera_is_a_lost_one():
-    clock = [0]
-    camera = opened(Scripted((picture(0), None), then=(picture(0), None)), clock=lambda: clock[0])
-    take(camera)
-    camera._closing = True  # the thread stands still: the device hangs
-    camera._thread.join(5.0)
-    camera._closing = False
-    assert camera.lost == ""
-    clock[0] = 1_100 * MS
-    assert camera.lost == "camera scripted is silent: no picture for 1 s"
-    camera.close()
-
-
-def test_what_a_driver_throws_does_not_get_out():
-    class Bad(Scripted):
-        def read(self):
-            raise cv2.error("VIDIOC_DQBUF: No such device")
-
-    camera = opened(Bad())
-    camera._thread.join(5.0)
-    assert "camera scripted is gone: VIDIOC_DQBUF: No such device" in camera.lost
-    camera.close()
-
-
-def test_a_camera_without_a_first_picture_is_not_opened():
-    with pytest.raises(WireError, match="camera scripted is gone"):
-        wait_for_picture(opened(Scripted()))
-
-
-class FakeDevice:
-    """A VideoCapture that grants what it likes."""
-
-    def __init__(self, **granted):
-        self.values = {
-            cv2.CAP_PROP_FRAME_WIDTH: granted.get("width", 320),
-            cv2.CAP_PROP_FRAME_HEIGHT: granted.get("height", 240),
-            cv2.CAP_PROP_FPS: granted.get("rate", 50.0),
-            cv2.CAP_PROP_FOURCC: cv2.VideoWriter.fourcc(*granted.get("format", "MJPG")),
-        }
-
-    def set(self, what, value):
-        return True
-
-    def get(self, what):
-        return self.values.get(what, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("granted", "told"),
-    [
-        ({"width": 640, "height": 480}, "grants 640x480 at 50 Hz MJPG, asked for was 320x240 at 50 Hz MJPG"),
-        ({"rate": 30.0}, "grants 320x240 at 30 Hz"),
-        ({"format": "YUYV"}, "YUYV, asked for"),
-    ],
-)
-def test_another_mode_than_asked_for_is_an_error_that_names_both(granted, told):
-    ask(FakeDevice(), "/dev/video0", MODE, "MJPG")
-    with pytest.raises(WireError, match=told):
-        ask(FakeDevice(**granted), "/dev/video0", MODE, "MJPG")
-
-
-def test_a_camera_that_is_not_there_says_what_is(tmp_path):
-    def opening(device):
-        open_v4l2(
-            str(device), MODE, pixel_format="MJPG", exposure_ms=2.0, arrival_delay_ms=16.0, stamped=True,
-            stamp_offset_ms=0.0,
-        )  # fmt: skip
-
-    with pytest.raises(WireError, match="there is no camera /dev/video77; plugged in now: "):
-        opening("/dev/video77")
-    film = tmp_path / "film.avi"
-    film.touch()
-    with pytest.raises(WireError, match="is no camera device"):
-        opening(film)
-
-
-def test_gstreamer_that_is_not_installed_is_named(monkeypatch):
-    monkeypatch.setattr(gst, "opencv_has_gstreamer", lambda: False)
-    monkeypatch.setattr(gst.shutil, "which", lambda _: None)
-    with pytest.raises(WireError, match=r"built without GStreamer.*gst-launch-1\.0 is not installed"):
-        gst.open_gstreamer("v4l2src", MODE, arrival_delay_ms=1.0)
-
-
-def test_a_pipeline_that_does_not_start_is_quoted(fake_gst):
-    with pytest.raises(WireError, match='no element "brokensrc"'):
-        gst.open_gstreamer("brokensrc", MODE, arrival_delay_ms=1.0)
-    with pytest.raises(WireError, match="leave it out"):
-        gst.open_gstreamer("v4l2src ! appsink drop=1", MODE, arrival_delay_ms=1.0)
-
-
-def test_the_last_word_of_a_pipeline_is_passed_on(fake_gst):
-    camera = gst.open_gstreamer("fakesrc", MODE, arrival_delay_ms=1.0)
-    until = time.monotonic() + 5.0
-    while not camera.lost and time.monotonic() < until:
-        time.sleep(0.01)
-    assert "Device was unplugged" in camera.lost
-    camera.close()
-
-
-def test_recordings_that_cannot_be_played_say_why(tmp_path):
-    with pytest.raises(WireError, match="cannot be read"):
-        RecordedCamera(tmp_path / "none.mcap", MODE)
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(WireError, match="holds no pictures: record them with --pictures all"):
-        RecordedCamera(record(tmp_path / "empty", "raw", count=0), MODE)
-    (tmp_path / "previews").mkdir()
-    with pytest.raises(WireError, match="160x120, asked for was 320x240"):
-        RecordedCamera(record(tmp_path / "previews", "preview"), MODE)
-
-
-def test_a_damaged_picture_is_left_out_and_counted(tmp_path):
-    with Recorder(tmp_path / "run.mcap", topics=["camera/image", "event"], view=FoxgloveView(pictures="raw")) as tap:
-        for k, size in enumerate((MODE.width * MODE.height, 100, MODE.width * MODE.height)):
-            tap(k * MS, "camera/image", Image(k * MS, MODE.width, MODE.height, 2 * MS, bytes([50]) * size, k))
-    camera = RecordedCamera(tmp_path / "run.mcap", MODE)
-    camera.take(0)
-    assert camera.take(10 * MS).pixels.mean() == 50
-    assert camera.damaged == 1

@@ -109,6 +109,13 @@ def test_a_server_that_goes_away_is_a_lost_wire(server):
     wire.close()
 
 
+@pytest.mark.parametrize("address", ["no such host.invalid", "127.0.0.1:vrpn", "127.0.0.1:123456"])
+def test_an_address_that_cannot_be_is_told_at_once(address):
+    pytest.importorskip("motioncapture", reason="kind vrpn: the package motioncapture is not installed")
+    with pytest.raises(WireError, match="no HOST or HOST:PORT"):
+        VrpnMocap(address, ("a",), 0)
+
+
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "motioncapture", None)
     with pytest.raises(WireError, match=r"needs the Python package motioncapture.*pip install 'perch-hil\[mocap\]'"):

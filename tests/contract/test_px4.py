@@ -3,12 +3,14 @@
 import contextlib
 import math
 import os
+import socket
 import tty
 
 import pytest
 
 from hil.wire import memory_pair
 from hil.wires.serial import SerialWire
+from hil.wires.tcp import TcpWire
 from hil.wires.udp import UdpWire
 from vehicle.airframe import load_airframe
 from vehicle.px4_link import Px4Link
@@ -56,7 +58,31 @@ def serial(stack):
     return ports
 
 
-@pytest.fixture(params=[memory, udp, serial], ids=lambda kind: kind.__name__)
+class Bridge:
+    """The server's end of a TCP connection, as a bridge beside the autopilot holds it."""
+
+    def __init__(self, connection):
+        self._connection = connection
+        connection.setblocking(False)
+
+    def send(self, data):
+        self._connection.sendall(data)
+
+    def receive(self):
+        with contextlib.suppress(BlockingIOError):
+            return [self._connection.recv(65536)]
+        return []
+
+
+def tcp(stack):
+    server = stack.enter_context(socket.create_server((LOCAL, 0)))
+    ours = TcpWire(LOCAL, server.getsockname()[1])
+    stack.callback(ours.close)
+    connection, _ = server.accept()
+    return ours, Bridge(stack.enter_context(connection))
+
+
+@pytest.fixture(params=[memory, udp, tcp, serial], ids=lambda kind: kind.__name__)
 def ends(request):
     with contextlib.ExitStack() as stack:
         stack.cable = lambda: None

@@ -58,7 +58,7 @@ def test_usage(tmp_path):
         (["--rig", "field"], "real devices"),
         (["--policy", "planner"], "given twice"),
     ):
-        command = [*PERCH_HIL, *ASKED, *more, "--out", str(tmp_path / "x")]
+        command = [*PERCH_HIL, *ASKED[:-2], *more, "--out", str(tmp_path / "x")]  # jobs: the default
         result = subprocess.run(command, capture_output=True, text=True, check=False)
         assert result.returncode == 2 and says in result.stderr and result.stderr.count("\n") == 1
     assert not (tmp_path / "x").exists()

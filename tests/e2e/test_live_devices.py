@@ -6,10 +6,13 @@ import stat
 import sys
 import textwrap
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
+from groundcar.motion import SPEED
+from groundcar.scout_sim import ScoutSim
 from hil import provenance
 from hil.bus import Bus, BusError, Mailbox
 from hil.campaign import Plan
@@ -18,12 +21,15 @@ from hil.platform_motion import hover_start, start_platform
 from hil.reader import Recording
 from hil.supervisor import SupervisorError
 from hil.view import free_port
+from hil.wires import WireError
+from hil.wires.can import open_can
 from scenarios.draw import draw
 from scenarios.spec import load
 
 sys.path.append(str(Path(__file__).parents[1] / "contract"))
 from vrpn_server import VrpnServer
 
+GROUP = "239.74.163.3"
 pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(300)]
 
 
@@ -100,6 +106,52 @@ def test_what_is_not_there_ends_the_run_before_anything_moves_in_one_line(tmp_pa
         with pytest.raises(SupervisorError, match=told.replace("{port}", port)) as raised:
             fly(tmp_path, 'title = "mine"\n' + rig.replace("{port}", port), names={"camera": None})
     assert "\n" not in str(raised.value)
+
+
+class Car(threading.Thread):
+    """A Scout on its bus, in real time."""
+
+    def __init__(self, group):
+        super().__init__(daemon=True)
+        scenario = load("simple-ii")
+        platform = start_platform(scenario, draw(scenario, 0))
+        self.bus = open_can("udp_multicast", group)
+        self.sim = ScoutSim(self.bus, seed=1, pose=(float(platform[0]), float(platform[1]), float(platform[3])))
+        self.fastest, self.ended = 0.0, threading.Event()
+
+    def run(self):
+        began = time.monotonic_ns()
+        while not self.ended.wait(0.004):
+            self.sim.step(time.monotonic_ns() - began)
+            self.fastest = max(self.fastest, abs(float(self.sim.platform_row(0.0, 0.0)[SPEED])))
+        self.bus.close()
+
+
+def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
+    try:
+        car = Car(GROUP)
+    except WireError as error:
+        pytest.skip(f"kind can: {error}")
+    car.start()
+    rig = f"""
+        title = "a car on a bus"
+        [groundcar]
+        kind = "can"
+        interface = "udp_multicast"
+        channel = "{GROUP}"
+    """
+    live = fly(tmp_path, rig, names={"scenario": "simple-ii", "camera": "model"})
+    time.sleep(1.5)  # the harness is gone: the car's own watchdog has acted by now
+    standing = abs(float(car.sim.platform_row(0.0, 0.0)[SPEED]))
+    car.ended.set()
+    car.join()
+    said = events(live.flight.run)
+    assert live.flight.failure == "", said[-6:]
+    assert any(text == "stage attempt" for _, _, text in said)
+    boards = [e.message for e in Recording(live.flight.run.path).messages(["truth/board"])]
+    assert max(b.speed for b in boards) > 0.3
+    assert car.fastest > 0.3
+    assert standing < 0.05
 
 
 class Mirror(threading.Thread):

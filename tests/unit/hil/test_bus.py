@@ -175,8 +175,13 @@ def test_without_a_hub_it_says_what_to_start():
 
 
 def test_a_port_in_use_is_named(endpoint):
-    with pytest.raises(BusError, match=f"cannot listen on {endpoint}"):
+    with pytest.raises(BusError, match=f"cannot listen on {endpoint}: another hub or program is on that port"):
         open_hub(endpoint)
+
+
+def test_an_address_of_another_host_is_named():
+    with pytest.raises(BusError, match="this host has no such address"):
+        open_hub("tcp/192.0.2.1:7447")
 
 
 # the mailbox by itself

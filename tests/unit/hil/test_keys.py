@@ -46,6 +46,7 @@ def test_truth_has_one_source_while_the_vehicle_is_simulated():
     _, keys = rules()
     assert TOPIC + "truth/vehicle" in keys["vehicle_device-in"]
     assert TOPIC + "truth/vehicle" not in keys["vehicle_link-in"]
+    assert TOPIC + "truth/board" not in keys["car-in"]
 
 
 def test_the_table_of_outputs_is_the_nodes_own():

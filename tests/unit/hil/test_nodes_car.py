@@ -6,6 +6,7 @@ import pytest
 from node_fakes import filled
 
 from groundcar import motion as m
+from groundcar.dead_reckoning import DeadReckoning
 from groundcar.follower import CarRef
 from groundcar.scout_link import Command, ScoutLink
 from groundcar.scout_sim import ScoutSim
@@ -116,6 +117,30 @@ def test_an_abort_asks_for_rest_whatever_is_commanded_and_is_safe_when_the_car_s
     car.run(1.5, drive(1.0))
     assert car.sent[-1].speed == 0.0
     assert car.node.safe
+
+
+def test_simulated_sensors_see_a_real_car_where_its_wheels_say_it_is():
+    assert "truth/board" not in Car().node.outputs
+    car = Car()
+    ours, car.theirs = memory_pair(lambda: car.now, MS)
+    car.sim = ScoutSim(car.theirs, seed=1, pose=(1.0, 2.0, 0.5))
+    node = CarLink(ScoutLink(ours), CarGate(CarGateLimits()), DeadReckoning((1.0, 2.0, 0.5), 1.5, 0.7))
+    boards = []
+    while car.now < 4 * S:
+        car.sim.step(car.now)
+        if car.now % CONTROL_PERIOD_NS == 0:
+            heard = ("car/command", CarCommand(car.now, 1.0, 0.2))
+            boards += [out.message for out in node.step(car.now, filled(node, heard)) if out.topic == "truth/board"]
+        car.now += 4 * MS
+    row = car.sim.platform_row(1.5, 0.7)
+    board = boards[-1]
+    driven = math.dist((1.0, 2.0), board.position[:2])
+    assert driven > 2.0
+    assert math.dist(board.position, (row[m.X], row[m.Y], 1.5)) < 0.15 * driven, "but for what the wheels skid"
+    assert board.heading == pytest.approx(row[m.HEADING], abs=0.25)
+    assert board.speed == pytest.approx(1.0, abs=0.1)
+    vx, vy, _ = board.velocity
+    assert (math.hypot(vx, vy), math.atan2(vy, vx)) == pytest.approx((board.speed, board.heading))
 
 
 # the follower

@@ -7,10 +7,11 @@ import threading
 
 import pytest
 
-from hil.assembly import Assembly, mounted_cameras
+from hil.assembly import Assembly
 from hil.host.live_reach import reach
 from hil.host.live_spec import services, simulated_twin
 from hil.rig import Calibration, CameraSlot, Rig, list_rigs, load_rig
+from hil.sensing import mounted_cameras
 from hil.simulation import build
 from hil.view import free_port
 from hil.wire import CanFrame

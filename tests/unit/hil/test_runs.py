@@ -110,6 +110,9 @@ def test_a_policy_file_is_named_by_its_content(tmp_path):
 
 
 def test_opening_what_is_no_run(tmp_path):
+    (tmp_path / "file.mcap").write_bytes(b"")
+    with pytest.raises(RunError, match="is a file: give the run's folder"):
+        open_run(tmp_path / "file.mcap")
     with pytest.raises(RunError, match="no such run folder"):
         open_run(tmp_path / "nothing")
     with pytest.raises(RunError, match="is no run folder"):

@@ -83,7 +83,12 @@ def test_no_display_is_one_clear_line(monkeypatch, command):
         pytest.skip("only Linux can be without a display")
     result = command("view", GOLDEN)
     assert result.exit_code == 3
-    assert "Use --save FILE.rrd" in result.stderr and result.stderr.count("\n") == 1
+    assert "there is no display" in result.stderr and result.stderr.count("\n") == 1
+    monkeypatch.setenv("DISPLAY", ":77")  # none there
+    result = command("view", GOLDEN)
+    assert result.exit_code == 3
+    assert "opened no window" in result.stderr and "Use --save FILE.rrd" in result.stderr
+    assert result.stderr.count("\n") == 1
 
 
 def test_the_viewer_listens_on_loopback_only(monkeypatch):

@@ -115,7 +115,7 @@ def test_a_wide_picture_is_halved_and_stays_a_picture():
 
 def test_without_a_display_a_page_is_served_on_loopback(monkeypatch):
     pytest.importorskip("rerun")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
     said: list[str] = []
     with view_live.RunViewer(said.append) as viewer:

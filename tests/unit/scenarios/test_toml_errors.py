@@ -112,6 +112,11 @@ def test_outside_of_arrays_nothing_changes(tmp_path):
         validate({"ovner": 1}, Store, "here")
 
 
+def test_where_no_word_is_close_the_sentence_ends():
+    with pytest.raises(ConfigError, match=r'unknown key "zzz"\. Allowed in the top level: '):
+        validate({"zzz": 1}, Store, "here")
+
+
 @given(st.integers(0, 5), st.integers(0, 5), st.text("abcxyz", min_size=1, max_size=6))
 def test_the_place_is_counted_as_a_person_counts(box, part, key):
     if key in Part.model_fields:

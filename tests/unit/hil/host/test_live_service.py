@@ -134,6 +134,25 @@ def test_without_a_wire_a_node_that_goes_by_time_is_stepped_at_its_deadlines(sta
     assert times == sorted(set(times))
 
 
+class Slow(Fake):
+    """A node that cannot keep its period."""
+
+    def step(self, now_ns, inbox):
+        time.sleep(0.005)
+        return super().step(now_ns, inbox)
+
+
+def test_who_cannot_keep_his_period_still_hears_and_answers(start):
+    node = Slow(period_ns=1_000_000)
+    service = start(node)
+    service.go()
+    stage = m.Stage(1, "lead", 0, 0)
+    until(lambda: any(stages for _, _, stages in node.steps), lambda: service.supervisor.publish(1, "run/stage", stage))
+    service.health.clear()
+    until(lambda: len(service.health) >= 2)
+    assert service.health[-1]["nodes"]["policy"]["missed"] > 0
+
+
 def test_an_abort_reaches_every_node_once(start, capfd):
     node = Fake()
     service = start(node)
