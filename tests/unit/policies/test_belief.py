@@ -44,19 +44,27 @@ def motion(kind, t, rng, state):
 
 
 def run(kind, seed, sigma=0.03, angle=0.03, lost=(), period=6, seconds=6.0):
-    """Feed a filter at 200 / period Hz; returns it with NIS, NEES of position and of speed and turn rate, and truth."""
+    """Feed a filter at 200 / period Hz; returns it with NIS, NEES of position and of speed and turn rate, and truth.
+
+    What is measured wanders about the truth as the filter expects of calibration and odometry.
+    """
     rng, filter_ = stream(seed, 1), BoardFilter()
     state = np.array([0.0, 0.0, 0.3 * seed, 0.0, seed * 1.7])
     nis, nees, speeds, codes = [], [], [], []
-    truth = np.zeros(8)
+    truth, wander = np.zeros(8), np.zeros(5)
+    walk = np.array(
+        [PARAMS.q_position, PARAMS.q_position, 0.5 * PARAMS.q_position, 0.0, PARAMS.q_inclination]
+    )
     for k in range(int(seconds * 200)):
         t = k * 0.005
         speed, turn = motion(kind, t, rng, state)
-        truth[:] = (state[0], state[1], 1.5, b.wrap(state[2]), speed, turn, 0.9, 0.0)
+        wander += math.sqrt(0.005) * walk * [normal(rng) for _ in walk]
+        x, y, z, heading, inclination = np.array([state[0], state[1], 1.5, state[2], 0.9]) + wander
+        truth[:] = (x, y, z, b.wrap(heading), speed, turn, inclination, 0.0)
         if k % period or any(a <= t < z for a, z in lost):
             continue
-        noisy = (state[0] + sigma * normal(rng), state[1] + sigma * normal(rng), 1.5 + sigma * normal(rng))
-        q = quaternion(state[2] + angle * normal(rng), 0.9 + angle * normal(rng))
+        noisy = (x + sigma * normal(rng), y + sigma * normal(rng), z + sigma * normal(rng))
+        q = quaternion(heading + angle * normal(rng), inclination + angle * normal(rng))
         codes.append(filter_.update(int((t + 0.005) * 1e9), noisy, q, sigma, angle))
         if t > 1.0 and codes[-1] == "accepted":
             nis.append(filter_.row[b.B_NIS])

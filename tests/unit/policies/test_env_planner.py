@@ -28,7 +28,7 @@ def views(env):
     now_ns = round(now * NS)
     vehicle = SimpleNamespace(
         stamp_ns=now_ns, position=tuple(own[X_P : X_P + 3]), velocity=tuple(own[X_V : X_V + 3]),
-        orientation=tuple(own[X_Q : X_Q + 4]),
+        orientation=tuple(own[X_Q : X_Q + 4]), body_rate=(0.0, 0.0, 0.0),
     )  # fmt: skip
     board = SimpleNamespace(
         valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]), heading=x[3],
