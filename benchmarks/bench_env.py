@@ -15,6 +15,7 @@ import argparse
 import json
 import os
 import subprocess
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -81,7 +82,8 @@ def measure_peer(python: Path, count: int, seconds: float) -> dict[str, Rate] | 
     if not python.exists():
         return None
     command = [str(python), str(Path(__file__).with_name("peer_crazyflow.py")), str(count), str(seconds)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    with tempfile.TemporaryDirectory() as folder:  # MuJoCo leaves a log where it runs
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
     if done.returncode != 0:
         print(f"  peer failed: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
         return None

@@ -49,14 +49,19 @@ class Verdict:
 
 
 class Diary:
-    """Samples of every service; called many times a second with the supervisor's table of health."""
+    """Samples of every service from the lead on, when all that a run does is being done."""
 
     def __init__(self) -> None:
         self.samples: dict[str, list[Sample]] = {}
-        self._next_s = 0.0
+        self._next_s = float("inf")
+
+    def stage(self, _: int, name: str) -> None:
+        """The run's progress."""
+        if name == "lead" and self._next_s == float("inf"):
+            self._next_s = 0.0
 
     def look(self, health: Mapping[str, Mapping[str, Any]], at_s: float) -> None:
-        """Take a sample of everybody each `SAMPLE_S` seconds."""
+        """Take a sample of everybody each `SAMPLE_S` seconds; may be called much more often."""
         if at_s < self._next_s:
             return
         self._next_s = at_s + SAMPLE_S
@@ -131,11 +136,9 @@ def soak(scenario: str, minutes: float, out: Path, seed: int = 0) -> tuple[list[
     names: dict[str, Any] = {"scenario": str(path.resolve()), "rig": "sim", "policy": None, "camera": None}
     diary = Diary()
     live = fly_live(
-        Plan(**names), names, seed, pictures="preview", out=out, code=provenance.code(), progress=lambda *_: None,
+        Plan(**names), names, seed, pictures="preview", out=out, code=provenance.code(), progress=diary.stage,
         watch=lambda supervisor: diary.look({**supervisor.health, "supervisor": footprint()}, time.monotonic()),
     )  # fmt: skip
     verdicts = [judge(service, samples) for service, samples in sorted(diary.samples.items())]
     trouble = "interrupted" if live.flight.interrupted else live.summary["ended"]["trouble"]
-    if not trouble and live.summary["shared_memory_removed"]:
-        trouble = f"{live.summary['shared_memory_removed']} shared memory files were left behind"
     return verdicts, trouble, live.flight.run.path

@@ -25,6 +25,7 @@ from hil.topics import TOPICS
 AGE_LIMIT_S = 1.0  # a topic silent for longer than this, or ten times its contract's age, is an abort
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
 _MUTE_S = 0.9  # services say their health twice a second
+_RECORDER_MUTE_S = 3.0  # it has much to write now and then, and nobody waits for it
 _BEAT_S = 0.2
 _STOP_S = 4.0
 _RECORDER_S = 15.0  # it still has to write what came last
@@ -135,12 +136,15 @@ class Supervisor:
             for topic, heard_ns in list(self._heard.items())
             if now - heard_ns > max(AGE_LIMIT_S * 1e9, TOPICS[topic].max_age_ms * 1e7)
         }
+        recorder_s = ages.pop("recorder", 0.0)
         mute = {service: age for service, age in ages.items() if age > _MUTE_S}
         if (silent or max(mute.values(), default=0.0) > AGE_LIMIT_S + 1.0) and len(mute) == len(ages) > 1:
             return f"hub does not answer: nothing has come from anybody for {min(ages.values()):.1f} s"
         if mute and (silent or max(mute.values()) > AGE_LIMIT_S + 1.0):
             service = max(mute, key=lambda name: mute[name])
             return f"{service} does not answer: silent for {mute[service]:.1f} s"
+        if recorder_s > _RECORDER_MUTE_S:
+            return f"recorder does not answer: silent for {recorder_s:.1f} s"
         for topic, age in silent.items():
             return f"{self._producer(topic)} is silent on {topic} for {age:.1f} s"
         return ""

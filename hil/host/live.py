@@ -27,7 +27,7 @@ _WIRE_REST_NS = 1_000_000  # a flood on a wire may not keep its driver busy
 _HEALTH_NS = 500_000_000
 _IDLE_NS = 100_000_000
 _SAFE_LIMIT_NS = 20_000_000_000
-_LINGER_NS = 1_000_000_000  # after an abort of its own a service stays for so long at least: zero speed has to be sent
+_LINGER_NS = 2_000_000_000  # zero speed has to be sent, and an autopilot says only once a second that it is disarmed
 
 
 @dataclass
@@ -113,6 +113,7 @@ class LiveService:
         self._health_ns = 0
         self._stop = self._gone = False
         self._abort_ns: int | None = None
+        self._safe_ns: int | None = None
         self._why = ""
         self._said: set[str] = set()
 
@@ -223,9 +224,13 @@ class LiveService:
         return all(getattr(seat.node, "safe", True) for seat in self._seats)
 
     def _safe(self, now_ns: int) -> bool:
-        """Nothing here has to be flown on: everything is safe, or has had its time to become so."""
-        since_ns = now_ns - (self._abort_ns if self._abort_ns is not None else now_ns)
-        return since_ns > _SAFE_LIMIT_NS or (since_ns > _LINGER_NS and self._nodes_safe())
+        """Nothing here has to be flown on: everything has been safe for a while, or has had its time to become so."""
+        if not self._nodes_safe():
+            self._safe_ns = None
+        elif self._safe_ns is None:
+            self._safe_ns = now_ns
+        settled = self._safe_ns is not None and now_ns - self._safe_ns > _LINGER_NS
+        return settled or now_ns - (now_ns if self._abort_ns is None else self._abort_ns) > _SAFE_LIMIT_NS
 
     def _now(self) -> int:
         return self._time.now()

@@ -116,6 +116,9 @@ def fly_live(
                 supervisor.stop()
                 ended.health = supervisor.health
                 ended.remarks += supervisor.remarks
+                killed = [remark for remark in supervisor.remarks if remark.startswith("recorder had to be stopped")]
+                if killed and killed[0].endswith("SIGKILL") and not ended.interrupted:
+                    ended.trouble = ended.trouble or f"{killed[0]}: the recording lacks its end"
         state = "interrupted" if ended.interrupted else "failed" if ended.trouble else "finished"
     finally:
         leaked = remove_orphaned_memory(began)

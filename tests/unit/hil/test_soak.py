@@ -50,6 +50,12 @@ def test_the_diary_looks_now_and_then_and_counts_missed_steps_as_late():
         "rss_kb": 5,
         "nodes": {"a": {"steps": 10, "late": 1, "missed": 2}, "b": {"steps": 5, "late": 0, "missed": 0}},
     }
+    diary.look({"brain": table}, 0.0)
+    assert diary.samples == {}  # the lead has not begun
+    diary.stage(0, "prepare")
+    diary.look({"brain": table}, 0.0)
+    assert diary.samples == {}
+    diary.stage(1, "lead")
     for tenth in range(0, 41):
         diary.look({"brain": table, "hub": {}}, tenth / 10)
     assert diary.samples == {"brain": [Sample(at, 5.0, 17, 3) for at in (0.0, 2.0, 4.0)]}

@@ -58,7 +58,7 @@ def test_a_live_run_is_shown(sink, tmp_path):
     endpoint = f"tcp/127.0.0.1:{view_live.free_port()}"
     spec = replace(SPEC, sink=str(sink), endpoint=endpoint)
     with open_hub(endpoint), Feed(spec, tmp_path / "log") as feed, Bus(endpoint) as bus:
-        steps = ((now + lap * 2 * 10**9, *rest) for lap in range(10**6) for now, *rest in flight(2.0))
+        steps = ((now + lap * 2 * 10**9, topic, m) for lap in range(10**6) for now, topic, m in flight(2.0))
         while not sink.exists() or sink.stat().st_size < 200_000:  # a run that goes on until enough was shown
             assert feed._process.poll() is None, (tmp_path / "log").read_text()
             bus.publish(*next(steps))
