@@ -6,6 +6,7 @@ when told to stop.
 
 import json
 import math
+import os
 import signal
 import sys
 import threading
@@ -32,7 +33,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 def main(port, group, name):
-    ended = threading.Event()
+    ended, parent = threading.Event(), os.getppid()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
     scenario = load(name)
@@ -48,7 +49,7 @@ def main(port, group, name):
     highest, armed, was, told_ns = 0.0, 0, False, 0
     began = time.monotonic_ns()
     print(json.dumps({"vrpn": server.port}), flush=True)
-    while not ended.wait(0.004):
+    while not ended.wait(0.004) and os.getppid() == parent:
         now = time.monotonic_ns() - began
         autopilot.step(now)
         car.step(now)

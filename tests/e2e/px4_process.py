@@ -6,6 +6,7 @@ over wall time. Runs until told to stop; the last line that it prints says how i
 
 import json
 import math
+import os
 import signal
 import sys
 import threading
@@ -22,7 +23,7 @@ TICK_S = 0.004
 
 
 def main(port: int, speed: float) -> None:
-    ended = threading.Event()
+    ended, parent = threading.Event(), os.getppid()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
     wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
@@ -32,7 +33,7 @@ def main(port: int, speed: float) -> None:
     sim.step(0)
     print("booted", flush=True)
     began = time.monotonic_ns()
-    while not ended.wait(TICK_S):
+    while not ended.wait(TICK_S) and os.getppid() == parent:
         sim.step(round(speed * (time.monotonic_ns() - began)))
         truth = sim.truth()
         highest, fall = max(highest, truth.position[2]), max(fall, -truth.velocity[2])
