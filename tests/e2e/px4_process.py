@@ -29,7 +29,7 @@ def main(port: int, speed: float) -> None:
     wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
     sim = Px4Sim({"api": wire}, load_airframe("sih_quad"), 1, noise=GPS_NOISE)
     highest, armed, tilt, fall = 0.0, 0, 0.0, 0.0
-    was = False
+    was, truth = False, sim.truth()
     sim.step(0)
     print("booted", flush=True)
     began = time.monotonic_ns()
