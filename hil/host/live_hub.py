@@ -8,6 +8,7 @@ import threading
 from typing import Any
 
 from hil.bus import Credentials, open_hub
+from hil.host.live_presence import Presence
 from hil.host.live_spec import LiveSpec
 from hil.keys import access_control
 
@@ -25,13 +26,15 @@ def serve_hub(
     endpoint: str, credentials: Credentials | None, access: dict[str, Any] | None, *, with_parent: bool
 ) -> None:
     """The same on any endpoint."""
-    done, parent = threading.Event(), os.getppid()
+    done, parent, presence = threading.Event(), os.getppid(), Presence()
 
     def orphaned() -> bool:
         return with_parent and os.getppid() != parent
 
     def stop(*_: object) -> None:
-        if not orphaned():  # the signal tells of the parent's death, and the leaves still have to land
+        if not (
+            with_parent and presence.orphaned_soon()
+        ):  # the signal tells of the parent's death, and the leaves still have to land
             done.set()
 
     for number in (signal.SIGTERM, signal.SIGINT):

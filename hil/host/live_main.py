@@ -80,7 +80,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         )  # fmt: skip
 
         def stop(_: int, __: FrameType | None) -> None:
-            if presence.gone():  # what flies is brought to its safe state first
+            if presence.gone() or presence.orphaned_soon():  # what flies is brought to its safe state first
                 live.orphaned()
             else:
                 live.stop()

@@ -38,6 +38,14 @@ class Presence:
         """Whether the process that started this one is gone."""
         return not self._remote and self._parent() != self._first_parent
 
+    def orphaned_soon(self) -> bool:
+        """The same, for a signal that may tell of the parent's death a moment before the parent's number changes."""
+        for _ in range(20):
+            if self.orphaned():
+                return True
+            time.sleep(0.01)
+        return False
+
     def gone(self) -> str:
         """Why the supervisor is taken for gone; empty while it is there, or has not yet said anything."""
         if self.orphaned():

@@ -66,7 +66,9 @@ def record(spec: LiveSpec) -> int:
     mailbox, sorter, seen = Mailbox(depth=8192, pictures=60, urgent=()), Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
-        state["stop"] = not presence.orphaned()  # else the signal tells of the parent's death, and others still land
+        state[
+            "stop"
+        ] = not presence.orphaned_soon()  # else the signal tells of the parent's death, and others still land
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
