@@ -38,7 +38,7 @@ KNOTS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.15, 2.6, 3.15)  
 K = len(KNOTS)
 OUTPUTS = 2 * K + 1  # speeds (m/s), turn rates (rad/s), log of the expected speed error (m/s)
 TAU = 0.5  # s, decay of the acceleration in the network's base
-_KNOWN_SPEED, _FADES = 0.2, 1.0  # m/s, one-sigma at which half of its correction of the present speed is kept; s
+_KNOWN_SPEED, _FADES = 0.2, 1.0  # m/s, s: see believe_filter
 _BEND_FROM = 0.5  # m/s, above which curvature is kept rather than the turn rate
 
 _W1, _B1 = 0, INPUTS * HIDDEN1
@@ -169,6 +169,17 @@ def predictor_gate(net, history, age):
 
 
 @njit
+def believe_filter(speed_sigma, scratch):
+    """Take back what the network would correct of the speed now, as far as the filter knows that speed.
+
+    At `speed_sigma` = _KNOWN_SPEED half of it is left; what is taken back fades with the time ahead.
+    """
+    fine = scratch[_OUT] / (1.0 + (speed_sigma / _KNOWN_SPEED) ** 2)
+    for knot in range(K):
+        scratch[_OUT + knot] -= fine * math.exp(-KNOTS[knot] / _FADES)
+
+
+@njit
 def integrate_rows(step, out):
     """Rewrite positions and headings of `out` ((R, 8)) from its first pose and every row's speed and turn rate."""
     for k in range(1, out.shape[0]):
@@ -194,8 +205,7 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
         return 0.0, 0.0
     predictor_inputs(history, t, x, sigma, speed_sigma, age, streak, scratch)
     predictor_network(net, scratch)
-    # Where the filter knows the speed, what the network would correct of it now is the network's error.
-    fine = scratch[_OUT] / (1.0 + (speed_sigma / _KNOWN_SPEED) ** 2)
+    believe_filter(speed_sigma, scratch)
     knot = 0
     for k in range(future.shape[0]):
         ahead = k * step
@@ -203,7 +213,7 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
             knot += 1
         s = min(1.0, (ahead - KNOTS[knot]) / (KNOTS[knot + 1] - KNOTS[knot]))
         speed, turn = base_motion(x[4], x[5], x[7], ahead)
-        speed += (1.0 - s) * scratch[_OUT + knot] + s * scratch[_OUT + knot + 1] - fine * math.exp(-ahead / _FADES)
+        speed += (1.0 - s) * scratch[_OUT + knot] + s * scratch[_OUT + knot + 1]
         turn += (1.0 - s) * scratch[_OUT + K + knot] + s * scratch[_OUT + K + knot + 1]
         row = future[k]
         row[4] += trust * (min(4.0, max(-4.0, speed)) - row[4])

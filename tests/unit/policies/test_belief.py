@@ -52,9 +52,7 @@ def run(kind, seed, sigma=0.03, angle=0.03, lost=(), period=6, seconds=6.0):
     state = np.array([0.0, 0.0, 0.3 * seed, 0.0, seed * 1.7])
     nis, nees, speeds, codes = [], [], [], []
     truth, wander = np.zeros(8), np.zeros(5)
-    walk = np.array(
-        [PARAMS.q_position, PARAMS.q_position, 0.5 * PARAMS.q_position, 0.0, PARAMS.q_inclination]
-    )
+    walk = np.array([PARAMS.q_position, PARAMS.q_position, 0.5 * PARAMS.q_position, 0.0, PARAMS.q_inclination])
     for k in range(int(seconds * 200)):
         t = k * 0.005
         speed, turn = motion(kind, t, rng, state)

@@ -21,7 +21,7 @@ CONFIG = EnvConfig(
 )
 
 
-@pytest.mark.parametrize("seed", [3, 6, 7])
+@pytest.mark.parametrize("seed", [3, 7, 9])
 def test_flight_computes_what_training_computes(seed):
     """Detections as they arrive, odometry with its noise, the thrust gain learnt on the way: every tick, to contact."""
     flight, board = EnvFlight(replace(CONFIG, seed=seed)), BoardFilter()

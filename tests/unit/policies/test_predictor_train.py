@@ -53,10 +53,25 @@ def test_kernel_and_torch_agree(examples):
     predict_future(state, CTRV, 0.5, STEP, future)
     pd.predict_learned(history, 4.0, state, 0.01, 0.1, 0.05, 40.0, STEP, row, scratch, future)
     with torch.no_grad():
-        outputs = network(torch.from_numpy(scratch[: pd.INPUTS][None].copy()))
-        wanted = path(torch.tensor([[1.6, 0.3, 0.5]]), outputs).numpy()[0]
+        outputs = network(torch.from_numpy(scratch[: pd.INPUTS][None].copy())).numpy()[0]
+        pd.predictor_network(row, scratch)
+        np.testing.assert_allclose(scratch[-pd.OUTPUTS :], outputs, atol=2e-5)
+        pd.believe_filter(0.1, scratch)
+        said = torch.from_numpy(scratch[-pd.OUTPUTS :][None].copy())
+        wanted = path(torch.tensor([[1.6, 0.3, 0.5]]), said).numpy()[0]
     np.testing.assert_allclose(future[:, [0, 1, 3, 4]], wanted, atol=1e-4)
     assert paths.shape == (len(examples.inputs), HORIZON, 4)
+
+
+def test_a_known_speed_is_not_corrected_an_unknown_one_is():
+    scratch = np.zeros(pd.SCRATCH_DIM, np.float32)
+    said = scratch[-pd.OUTPUTS :]
+    said[: pd.K] = 0.4
+    pd.believe_filter(0.0, scratch)
+    assert said[0] == 0.0 and 0.0 < said[4] < 0.4
+    said[: pd.K] = 0.4
+    pd.believe_filter(10.0, scratch)
+    np.testing.assert_allclose(said[: pd.K], 0.4, atol=1e-3)
 
 
 def test_committed_network_errs_less_than_its_base_on_drives_it_never_saw(examples):
