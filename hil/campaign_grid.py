@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 import multiprocessing
-import os
 import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -16,6 +15,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+import numba
 
 from hil.autopilot_parameters import note_parameters
 from hil.campaign import Plan
@@ -100,9 +101,8 @@ def fly_all(grid: Grid, jobs: Sequence[Job], processes: int, code: Code) -> Iter
     A KeyboardInterrupt ends the flights under way, closes their recordings and passes through. Raises CampaignError
     if a process dies.
     """
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")  # the processes are the threads
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context, initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context, initializer=_begin)
     try:
         waiting: list[Future[Result | None]] = [pool.submit(_fly, grid, job, code) for job in jobs]
         for done in as_completed(waiting):
@@ -118,7 +118,8 @@ def fly_all(grid: Grid, jobs: Sequence[Job], processes: int, code: Code) -> Iter
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
+def _begin() -> None:
+    numba.set_num_threads(1)  # the processes are the threads
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but for a flight's duration
 
 
@@ -140,7 +141,7 @@ def _fly(grid: Grid, job: Job, code: Code) -> Result | None:
     except KeyboardInterrupt:
         return None
     finally:
-        _ignore_interrupts()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     score = flight.score
     return Result(job, score.within_tolerance, score.attached, tuple(score.reasons), flight.failure)
 
