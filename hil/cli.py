@@ -60,7 +60,10 @@ def run(
         typer.Option(help="pictures: rendered and detected; model: the paper's visibility gate and noise"),
     ] = None,
     pictures: Annotated[
-        Literal["preview", "all", "none"], typer.Option(help="which pictures to record (preview: half size, 15 Hz)")
+        Literal["preview", "all", "raw", "none"],
+        typer.Option(
+            help="which pictures to record (preview: half size, 15 Hz; raw: as `replay` of the detector needs them)"
+        ),
     ] = "preview",
     out: Annotated[Path, typer.Option(help="where run folders go")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="one object a run on stdout, nothing else there")] = False,

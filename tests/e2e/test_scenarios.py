@@ -16,6 +16,7 @@ from hil import provenance
 from hil.campaign import Plan
 from hil.cli import app
 from hil.diff import diff_runs
+from hil.host.replay import replay_run
 from hil.flight import fly
 from hil.gate import GateLimits
 from hil.reader import Recording
@@ -137,6 +138,14 @@ def test_another_seed_is_another_flight(tmp_path):
     one, two = (json.loads(line) for line in result.stdout.splitlines())
     assert (one["seed"], two["seed"]) == (1, 2)
     assert not diff_runs(one["run_dir"], two["run_dir"]).same_messages
+
+
+def test_with_raw_pictures_the_detector_can_be_replayed(tmp_path):
+    arguments = ["run", "simple-i", "--pictures", "raw", "--json", "--out", str(tmp_path)]
+    told = json.loads(CliRunner().invoke(app, arguments).stdout)
+    found = replay_run(told["run_dir"], ["detector"])
+    assert found.same, found.lines()
+    assert any("board/detection" in line for line in found.lines())
 
 
 def interrupt(out, signal_number):
