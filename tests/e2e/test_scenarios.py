@@ -16,9 +16,9 @@ from hil import provenance
 from hil.campaign import Plan
 from hil.cli import app
 from hil.diff import diff_runs
-from hil.host.replay import replay_run
 from hil.flight import fly
 from hil.gate import GateLimits
+from hil.host.replay import replay_run
 from hil.reader import Recording
 from hil.runs import list_runs, open_run
 from scenarios.spec import list_scenarios, load
