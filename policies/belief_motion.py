@@ -25,7 +25,8 @@ class BeliefParams:
     refusals that restart the filter; 2 suffice after `reaccept_loss` s without a measurement. Prior at a start: speed
     `speed0` +- `speed_sigma`, turn rate 0 +- `turn_sigma`. `accel_sigma`, `accel_tau`: Singer acceleration; the size is
     that of the paper's Hard-I law (1.6 m/s^2 peak). `q_speed` covers its OU law (0.1 v per sqrt(s)). `bias_*` is added
-    to the angles' sigma because mounting errors do not average out. rho = exp(-lambda_rho T_loss); the loss begins
+    to the angles' sigma because mounting errors do not average out. `q_position` and `q_inclination` also take up that
+    errors of odometry and calibration wander while the drone approaches. rho = exp(-lambda_rho T_loss); the loss begins
     `loss_after` s after the last exposure: a 20 Hz detector 60 ms late is 110 ms old without any loss, and
     lambda_rho 2 halves rho in 0.35 s, in which CTRV errs by about 3 cm. Valid: `valid_after` accepted, age < `max_age`.
     A car that stands goes on standing: the noise of speed, turn rate and acceleration is scaled by `quiet` +

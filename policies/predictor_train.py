@@ -1,8 +1,10 @@
 """Trains the motion predictor: python -m policies.predictor_train [--minutes M] [--drives N] [--seed S] [--out FILE]
 
-Supervised: the path that the network's speeds and turn rates give, integrated exactly as in flight, shall be the path
-that was driven. One thread. Prints the error at about 0.5, 1, 1.5 and 2 s on held-out drives beside the base motion's.
-The committed weights: --minutes 9.5 --seed 1 --out A, then --minutes 7.5 --seed 2 --start A (their note says the same).
+Supervised: the path that the network's speeds and turn rates give, integrated as in flight but without
+`predictor.believe_filter`, shall be the path that was driven. One thread. Prints the error at about 0.5, 1, 1.5 and 2 s
+on held-out drives beside the base motion's.
+The committed weights: --minutes 9 --seed 1 --out A while the filter's q_heading, q_position and q_inclination were
+0.02, 0.01 and 0.01, then --minutes 7 --seed 2 --start A with those of now.
 """
 
 from __future__ import annotations
