@@ -14,8 +14,8 @@ from vehicle.camera import camera_frame
 from vehicle.pose_history import PoseAt, PoseHistory
 from vehicle.rotations import from_euler, to_matrix
 
-# What a detection is wrong by from picture to picture beyond its corners' noise: the vehicle's own position (m) and where
-# the camera really points (rad). Errors that wander slowly are larger; the filter's random walks take them up.
+# What a detection is wrong by from picture to picture beyond its corners' noise: the vehicle's own position (m) and
+# where the camera really points (rad). Errors that wander slowly are larger; the filter's random walks take them up.
 ODOMETRY_SIGMA, POINTING_SIGMA = 0.003, 0.003
 
 
