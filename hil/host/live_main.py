@@ -9,7 +9,6 @@ import signal
 import sys
 import threading
 import time
-from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
@@ -18,6 +17,7 @@ from hil.bus import Bus, BusError
 from hil.bus_clock import DateWatch
 from hil.host.live import LiveService
 from hil.host.live_presence import Presence
+from hil.host.live_priority import take_priority
 from hil.host.live_spec import LiveSpec
 from hil.host.live_time import RunTime
 from hil.host.live_warm import warm_up
@@ -29,7 +29,6 @@ from hil.wires import WireError
 
 COULD_NOT_RUN = 3
 _PR_SET_PDEATHSIG = 1
-_NICE = -11
 _PATIENCE_S = 40.0  # more than anybody takes to reach the safe state
 
 
@@ -51,12 +50,6 @@ def last_resort(patience_s: float = _PATIENCE_S) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def hurry() -> None:
-    """Ask to be scheduled before ordinary processes; where that is not permitted the machine has to be idle enough."""
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
-
-
 def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool = False, wait_s: float = 10.0) -> int:
     """Drive nodes `names` as `service` until stopped; returns the exit code. `remote`: started by hand, for a run of
     another host, whose hub may take `wait_s` to come up."""
@@ -69,7 +62,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         plan.scenario, plan.rig, drawn, plan.make_policy, wires, time.monotonic_ns, unix_ns=time.time_ns()
     )
     presence = Presence(remote=remote)
-    hurry()  # only now: warming up may take its time
+    take_priority(service)  # only now: warming up may take its time
     with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s) as bus:
         run_time = RunTime(bus.clock(), DateWatch() if remote else None)
         nodes = [assembly.node(name) for name in names]
@@ -106,12 +99,12 @@ def main() -> int:
     try:
         spec = LiveSpec.read(Path(sys.argv[1]))
         if service == "recorder":
-            hurry()
+            take_priority(service)
             from hil.host.live_recorder import record
 
             return record(spec)
         if service == "hub":
-            hurry()
+            take_priority(service)
             from hil.host.live_hub import hub
 
             return hub(spec)

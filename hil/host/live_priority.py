@@ -1,0 +1,55 @@
+"""Which process of a live run goes first when there are fewer cores than work.
+
+The kernel weighs sessions before it weighs processes (sched_autogroup): a service has a session of its own, so that
+its nice value alone counts for nothing. And whoever computes is left alone until his slice of some milliseconds is
+over, unless who wakes up has a shorter one (EEVDF, from Linux 6.12). Both are asked for; what is not permitted, or
+not known to this kernel, is left out, and the machine has to be idle enough.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import struct
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Priority(NamedTuple):
+    """`nice` of the process and of its session; `slice_ns` 0: the kernel's own, some milliseconds."""
+
+    nice: int
+    slice_ns: int
+
+
+# A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn
+# and several to be searched: these two are not chopped up, and the drawing, which has time until the read-out's end,
+# gives way. Nobody waits for the recorder.
+CONTROL = Priority(-15, 300_000)
+PRIORITIES = {"detector": Priority(-13, 0), "camera": Priority(-11, 0), "recorder": Priority(-5, 0)}
+
+_SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux system call numbers; the C library has no wrapper
+_ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # size, policy, flags, nice, priority, runtime, deadline, period
+
+
+def take_priority(service: str) -> None:
+    """Ask for what `service` needs, for this thread and those it starts from now on."""
+    wanted = PRIORITIES.get(service, CONTROL)
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, wanted.nice)
+    if wanted.slice_ns:
+        _take_slice(wanted.slice_ns)
+    if os.getsid(0) == os.getpid():  # else it is somebody's shell whose session this would be
+        with suppress(OSError):
+            Path("/proc/self/autogroup").write_text(str(wanted.nice))
+
+
+def _take_slice(slice_ns: int) -> bool:
+    """Whether the kernel took it; one before 6.12 takes and ignores it."""
+    number = _SCHED_SETATTR.get(os.uname().machine)
+    if number is None:
+        return False
+    nice = os.getpriority(os.PRIO_PROCESS, 0)
+    attributes = _ATTRIBUTES.pack(_ATTRIBUTES.size, os.SCHED_OTHER, 0, nice, 0, slice_ns, 0, 0)
+    return ctypes.CDLL(None, use_errno=True).syscall(number, 0, attributes, 0) == 0
