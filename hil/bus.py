@@ -21,11 +21,6 @@ from hil.codec import codec
 from hil.mailbox import PICTURES, STAMP, Letter, Mailbox
 from hil.topics import TOPICS, may_read
 
-# One thread of the bus a process: the default's five wake each other for every message, at a fifth of all the processor
-# time of a live run on two cores. Read once, when the first session of the process is opened.
-os.environ.setdefault(
-    "ZENOH_RUNTIME", "(rx: (handover: app), acc: (handover: app), tx: (handover: app), app: (worker_threads: 1))"
-)
 TOPIC, CONTROL, HEALTH = "perch/topic/", "perch/control", "perch/health/"
 OBSERVERS = ("recorder", "supervisor", "status")  # of the harness, never of a slot: they read every topic
 
@@ -47,6 +42,16 @@ def credentials_in(folder: Path, identity: str) -> Credentials:
     return Credentials(folder / "ca.crt", folder / f"{identity}.crt", folder / f"{identity}.key")
 
 
+# The default's five threads a process wake each other for every message: a fifth of all the processor time of a live
+# run on two cores.
+_THREADS = "(rx: (handover: app), acc: (handover: app), tx: (handover: app), app: (worker_threads: 1))"
+
+
+def _open(config: zenoh.Config) -> zenoh.Session:
+    os.environ.setdefault("ZENOH_RUNTIME", _THREADS)  # read once, when a process opens its first session
+    return zenoh.open(config)
+
+
 def _settings(**values: Any) -> zenoh.Config:
     config = zenoh.Config()
     for key, value in {
@@ -57,6 +62,11 @@ def _settings(**values: Any) -> zenoh.Config:
         "transport/link/tx/queue/size/real_time": 16,
         "transport/link/tx/queue/size/data": 16,
         "transport/link/tx/queue/batching/time_limit": 0,
+        # us; the default waits 50 ms for room for a picture, and as long nobody gets anything from the hub
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
+        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2000,
+        # bytes; a picture that finds no room there goes through the sockets, in fifteen pieces
+        "transport/shared_memory/transport_optimization/pool_size": 64 << 20,
         **values,
     }.items():
         config.insert_json5(key, json.dumps(value))
@@ -84,7 +94,7 @@ def open_hub(
     more: dict[str, Any] = {} if access is None else {"access_control": access}
     more |= _tls(credentials, "listen")
     try:
-        session = zenoh.open(_settings(mode="router", **{"listen/endpoints": [endpoint]}, **more))
+        session = _open(_settings(mode="router", **{"listen/endpoints": [endpoint]}, **more))
     except zenoh.ZError as error:
         raise BusError(f"the hub cannot listen on {endpoint}: {_listen_trouble(str(error))}") from None
     answer_clock(session)
@@ -127,7 +137,7 @@ class Bus:
         """Connect to the hub at `endpoint`. Raises BusError if none answers within `timeout_s`."""
         more = {"connect/endpoints": [endpoint], "connect/timeout_ms": round(timeout_s * 1000)}
         try:
-            self._session = zenoh.open(_settings(mode="client", **more, **_tls(credentials, "connect")))
+            self._session = _open(_settings(mode="client", **more, **_tls(credentials, "connect")))
         except zenoh.ZError:
             hint = ""
             if credentials is not None:

@@ -30,12 +30,20 @@ class Letter(NamedTuple):
 class Mailbox:
     """Letters for one service. Callbacks only append; the newest picture wins; `wait` sleeps until something comes."""
 
-    def __init__(self, depth: int = _DEPTH, pictures: int = 1, urgent: Iterable[str] | None = None) -> None:
-        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted.
+    def __init__(
+        self,
+        depth: int = _DEPTH,
+        pictures: int = 1,
+        urgent: Iterable[str] | None = None,
+        picture_period_ns: int = 0,
+    ) -> None:
+        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted. Pictures
+        published sooner than `picture_period_ns` after the last one taken are not wanted: passed over, not counted.
 
         `urgent`: topics that end a `wait`; the others lie until somebody looks anyway. None: all do.
         """
         self._depth, self._pictures = depth, pictures
+        self._picture_period_ns, self._picture_ns = picture_period_ns, -picture_period_ns
         self._urgent = None if urgent is None else frozenset(urgent)
         self._queues: dict[str, deque[tuple[int, bytes, bytes]]] = {}
         self._arrivals = 0
@@ -47,6 +55,8 @@ class Mailbox:
 
     def put(self, topic: str, payload: bytes, stamp: bytes) -> None:
         """Called by the bus's threads."""
+        if self._picture_period_ns and topic == PICTURES and not self._wanted(stamp):
+            return
         queue = self._queues.get(topic)
         if queue is None:
             queue = self._queues.setdefault(topic, deque(maxlen=self._pictures if topic == PICTURES else self._depth))
@@ -56,6 +66,15 @@ class Mailbox:
         queue.append((self._arrivals, payload, stamp))
         if self._urgent is None or topic in self._urgent:
             self.wake()
+
+    def _wanted(self, stamp: bytes) -> bool:
+        if len(stamp) != STAMP.size:
+            return True  # garbage: counted where it is opened
+        published_ns, _ = STAMP.unpack(stamp)
+        if 0 <= published_ns - self._picture_ns < self._picture_period_ns:
+            return False
+        self._picture_ns = published_ns
+        return True
 
     def wake(self) -> None:
         """End a `wait` now."""
@@ -89,7 +108,8 @@ class Mailbox:
             self.garbage += 1
             return None
         gap = sequence - self._expected.get(topic, sequence)
-        if gap > 0 and topic != "event":  # events have several publishers
+        thinned = topic == PICTURES and self._picture_period_ns > 0
+        if gap > 0 and topic != "event" and not thinned:  # events have several publishers
             self.lost[topic] = self.lost.get(topic, 0) + gap
         self._expected[topic] = sequence + 1
         return Letter(topic, published_ns, sequence, message)

@@ -29,7 +29,9 @@ _RECORDER_MUTE_S = 3.0  # it has much to write now and then, and nobody waits fo
 _BEAT_S = 0.2
 _STOP_S = 4.0
 _RECORDER_S = 15.0  # it still has to write what came last
-_QUIET = ("camera/image", "vehicle/sent")  # big, or silent by design once the gate or the referee has spoken
+# Not listened to: big, or silent by design once the gate or the referee has spoken, or frequent and of simulated
+# devices, which tell of themselves twice a second as everybody does
+_QUIET = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
 
 
 class SupervisorError(RuntimeError):

@@ -62,10 +62,10 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         plan.scenario, plan.rig, drawn, plan.make_policy, wires, time.monotonic_ns, unix_ns=time.time_ns()
     )
     presence = Presence(remote=remote)
-    take_priority(service)  # only now: warming up may take its time
+    nodes = [assembly.node(name) for name in names]
+    take_priority(service)  # only now, all this may take its time; and before the bus, whose thread is to have it too
     with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s) as bus:
         run_time = RunTime(bus.clock(), DateWatch() if remote else None)
-        nodes = [assembly.node(name) for name in names]
         book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
         live = LiveService(
             service, nodes, bus, run_time, presence=presence, book=book, trouble=lambda: wires.trouble,

@@ -28,6 +28,7 @@ from vehicle.airframe import load_airframe
 
 SETTLE_NS = 250_000_000  # how long a message waits for older ones
 _TURN_S, _TELL_S = 0.02, 0.5
+_PREVIEW_NS = 58_000_000  # pictures that come sooner after each other are no part of a 15 Hz preview
 _WITNESS_S = 22.0  # recorded after the supervisor is gone: everybody has come to the safe state by then
 
 
@@ -63,7 +64,9 @@ def record(spec: LiveSpec) -> int:
     # it has time and much to do: each hand-over of the interpreter costs a wait for the processor on a busy machine
     sys.setswitchinterval(2e-2)
     state, presence = {"stop": False, "orders": [], "told": 0.0}, Presence()
-    mailbox, sorter, seen = Mailbox(depth=8192, pictures=60, urgent=()), Sorter(), _Seen()
+    period_ns = _PREVIEW_NS if spec.pictures == "preview" else 0
+    mailbox = Mailbox(depth=8192, pictures=60, urgent=(), picture_period_ns=period_ns)
+    sorter, seen = Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
         state[
