@@ -1,13 +1,9 @@
-"""Which process of a live run goes first, and where, when there are fewer cores than work.
+"""Which process of a live run goes first when there are fewer cores than work.
 
 The kernel weighs sessions before it weighs processes (sched_autogroup): a service has a session of its own, so that
 its nice value alone counts for nothing. Whoever computes is left alone until his slice of some milliseconds is over,
-unless who wakes up has a shorter one (EEVDF, from Linux 6.12). And two that compute for long may share one core while
-on the other runs something that nobody waits for. What is not permitted, or not known to this kernel, is left out, and
-the machine has to be idle enough.
-
-Real-time priorities were tried and are worse where ordinary work waits too: from Linux 6.12 on that gets 50 ms of each
-second in one piece, and control has a gap of as much.
+unless who wakes up has a shorter one (EEVDF, from Linux 6.12). Both are asked for; what is not permitted, or not known
+to this kernel, is left out, and the machine has to be idle enough.
 """
 
 from __future__ import annotations
@@ -21,18 +17,16 @@ from typing import NamedTuple
 
 
 class Priority(NamedTuple):
-    """`nice` of the process and of its session; `slice_ns` 0: the kernel's own. `half` of the cores: 0, 1, None any."""
+    """`nice` of the process and of its session; `slice_ns` 0: the kernel's own."""
 
     nice: int
     slice_ns: int = 0
-    half: int | None = None
 
 
 # A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn
-# and several to be searched: these two are not chopped up, and each has its half of the cores. Nobody waits for the
-# recorder.
+# and several to be searched: these two are not chopped up. Nobody waits for the recorder.
 CONTROL = Priority(-15, 300_000)
-PRIORITIES = {"detector": Priority(-13, half=1), "camera": Priority(-11, half=0), "recorder": Priority(-5, half=0)}
+PRIORITIES = {"detector": Priority(-13), "camera": Priority(-11), "recorder": Priority(-5)}
 
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux system call numbers; the C library has no wrapper
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # size, policy, flags, nice, priority, runtime, deadline, period
@@ -48,16 +42,6 @@ def take_priority(service: str) -> None:
             Path("/proc/self/autogroup").write_text(str(wanted.nice))
     if wanted.slice_ns:
         _take_slice(wanted.slice_ns)
-    if wanted.half is not None:
-        with suppress(OSError):
-            os.sched_setaffinity(0, half_of(os.sched_getaffinity(0), wanted.half))
-
-
-def half_of(cores: set[int], half: int) -> set[int]:
-    """The lower (0) or the upper half (1) of `cores`; a single one is both."""
-    ordered = sorted(cores)
-    middle = len(ordered) // 2
-    return set(ordered[middle:] if half or not middle else ordered[:middle])
 
 
 def _take_slice(slice_ns: int) -> bool:
