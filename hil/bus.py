@@ -1,5 +1,5 @@
-"""The bus between processes: a Zenoh hub on an explicit endpoint and client leaves. Nothing scouts, nothing is found by
-chance. Who may read a topic is asked of `hil/topics.py` at every subscription, and by the hub's access list over TLS.
+"""The bus between processes, as a leaf of the hub has it. Who may read a topic is asked of `hil/topics.py` at every
+subscription, and by the hub's access list over TLS.
 
 A message travels as the protobuf bytes of `hil/codec.py`, with the publisher's time and running number beside it.
 """
@@ -7,106 +7,21 @@ A message travels as the protobuf bytes of `hil/codec.py`, with the publisher's 
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import zenoh
 
-from hil.bus_clock import ClockWatch, answer_clock
+from hil.bus_clock import ClockWatch
+from hil.bus_session import BusError, Credentials, credentials_in, open_hub, open_leaf
 from hil.codec import codec
 from hil.mailbox import PICTURES, STAMP, Letter, Mailbox
 from hil.topics import TOPICS, may_read
 
 TOPIC, CONTROL, HEALTH = "perch/topic/", "perch/control", "perch/health/"
 OBSERVERS = ("recorder", "supervisor", "status")  # of the harness, never of a slot: they read every topic
-
-
-class BusError(RuntimeError):
-    """The bus cannot be used; the text says why and how to mend it."""
-
-
-class Credentials(NamedTuple):
-    """Files of one identity (PEM): the authority's certificate, own certificate, own key."""
-
-    authority: Path
-    certificate: Path
-    key: Path
-
-
-def credentials_in(folder: Path, identity: str) -> Credentials:
-    """Where the files of `identity` lie in a folder of `perch-hil keys`."""
-    return Credentials(folder / "ca.crt", folder / f"{identity}.crt", folder / f"{identity}.key")
-
-
-# The default's five threads a process wake each other for every message: a fifth of all the processor time of a live
-# run on two cores.
-_THREADS = "(rx: (handover: app), acc: (handover: app), tx: (handover: app), app: (worker_threads: 1))"
-
-
-def _open(config: zenoh.Config) -> zenoh.Session:
-    os.environ.setdefault("ZENOH_RUNTIME", _THREADS)  # read once, when a process opens its first session
-    return zenoh.open(config)
-
-
-def _settings(**values: Any) -> zenoh.Config:
-    config = zenoh.Config()
-    for key, value in {
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/shared_memory/enabled": True,
-        # room for a moment in which a process is not scheduled; with the default of 2 messages are lost by then
-        "transport/link/tx/queue/size/real_time": 16,
-        "transport/link/tx/queue/size/data": 16,
-        "transport/link/tx/queue/batching/time_limit": 0,
-        # us; the default waits 50 ms for room for a picture, and as long nobody gets anything from the hub
-        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
-        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2000,
-        # bytes; a picture that finds no room there goes through the sockets, in fifteen pieces
-        "transport/shared_memory/transport_optimization/pool_size": 64 << 20,
-        **values,
-    }.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
-def _tls(credentials: Credentials | None, side: str) -> dict[str, Any]:
-    if credentials is None:
-        return {}
-    return {
-        "transport/link/tls/root_ca_certificate": str(credentials.authority),
-        f"transport/link/tls/{side}_certificate": str(credentials.certificate),
-        f"transport/link/tls/{side}_private_key": str(credentials.key),
-        "transport/link/tls/enable_mtls": True,
-    }
-
-
-def open_hub(
-    endpoint: str, credentials: Credentials | None = None, access: dict[str, Any] | None = None
-) -> zenoh.Session:
-    """The hub, listening on `endpoint` (tcp/HOST:PORT, or tls/HOST:PORT with credentials). Raises BusError.
-
-    `access` is an access-control table (see hil/keys.py). The hub also answers questions for its clock.
-    """
-    more: dict[str, Any] = {} if access is None else {"access_control": access}
-    more |= _tls(credentials, "listen")
-    try:
-        session = _open(_settings(mode="router", **{"listen/endpoints": [endpoint]}, **more))
-    except zenoh.ZError as error:
-        raise BusError(f"the hub cannot listen on {endpoint}: {_listen_trouble(str(error))}") from None
-    answer_clock(session)
-    return session
-
-
-def _listen_trouble(text: str) -> str:
-    if "in use" in text:
-        return "another hub or program is on that port: stop it, or choose another port"
-    if "assign requested address" in text:
-        return "this host has no such address (see `ip addr`)"
-    return text.splitlines()[0][:160]
 
 
 class Publisher:
@@ -135,19 +50,7 @@ class Bus:
 
     def __init__(self, endpoint: str, credentials: Credentials | None = None, timeout_s: float = 5.0) -> None:
         """Connect to the hub at `endpoint`. Raises BusError if none answers within `timeout_s`."""
-        more = {"connect/endpoints": [endpoint], "connect/timeout_ms": round(timeout_s * 1000)}
-        try:
-            self._session = _open(_settings(mode="client", **more, **_tls(credentials, "connect")))
-        except zenoh.ZError:
-            hint = ""
-            if credentials is not None:
-                hint = (
-                    f", or is {credentials.certificate} of another authority than the hub's, or does the hub's "
-                    "certificate not name this address (`perch-hil keys --host`)?"
-                )
-            elif endpoint.startswith("tls/"):
-                hint = "; one that listens on tls/ lets nobody in without --keys"
-            raise BusError(f"no hub answers at {endpoint}: start one with `perch-hil hub`{hint}") from None
+        self._session = open_leaf(endpoint, credentials, timeout_s)
         self._publishers: dict[str, Publisher] = {}
         self._delivered: set[tuple[int, str]] = set()  # mailbox, topic
 
@@ -199,10 +102,14 @@ class Bus:
         return heard
 
     def say(self, key: str, table: dict[str, Any]) -> None:
-        """Send a table of the harness's own (CONTROL, HEALTH + service): not part of the contract, not recorded."""
+        """Send a table of the harness's own (CONTROL, HEALTH + service): not part of the contract, not recorded.
+
+        Never waits, as `publish` never does: a hub that waits for a reader who has stopped holds up everybody, and a
+        driver that waits for the hub holds up its vehicle. What has to arrive is said again.
+        """
         self._session.put(
             key, json.dumps(table), priority=zenoh.Priority.REAL_TIME,
-            congestion_control=zenoh.CongestionControl.BLOCK, express=True,
+            congestion_control=zenoh.CongestionControl.DROP, express=True,
         )  # fmt: skip
 
     def hear(self, key: str, take: Callable[[dict[str, Any]], None]) -> None:

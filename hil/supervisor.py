@@ -20,12 +20,10 @@ from typing import Any
 from hil.bus import CONTROL, HEALTH, Bus, BusError
 from hil.host.live_time import clock_fault
 from hil.service_process import Process
+from hil.silence import silence
 from hil.topics import TOPICS
 
-AGE_LIMIT_S = 1.0  # a topic silent for longer than this, or ten times its contract's age, is an abort
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
-_MUTE_S = 0.9  # services say their health twice a second
-_RECORDER_MUTE_S = 3.0  # it has much to write now and then, and nobody waits for it
 _BEAT_S = 0.2
 _STOP_S = 4.0
 _RECORDER_S = 15.0  # it still has to write what came last
@@ -50,6 +48,7 @@ class Supervisor:
         self.health: dict[str, dict[str, Any]] = {}
         self._heard: dict[str, int] = {}
         self._started_ns = 0
+        self._standing: dict[str, Any] = {"order": "watch"}
         self._beaten_s = 0.0
         self.remarks: list[str] = []
 
@@ -114,15 +113,20 @@ class Supervisor:
         """
         assert self._bus is not None
         self._started_ns = time.monotonic_ns() + round(delay_s * 1e9)
-        self._bus.say(CONTROL, {"order": "go", "epoch_ns": self._started_ns + ahead_ns})
+        self._order({"order": "go", "epoch_ns": self._started_ns + ahead_ns})
         return self._started_ns
 
     def beat(self) -> None:
-        """Say that we are there; to be called several times a second."""
+        """Say that we are there, with the order that stands; to be called several times a second."""
         now = time.monotonic()
         if self._bus is not None and now - self._beaten_s > _BEAT_S:
             self._beaten_s = now
-            self._bus.say(CONTROL, {"order": "watch"})
+            self._bus.say(CONTROL, self._standing)
+
+    def _order(self, order: dict[str, Any]) -> None:
+        """To everybody, again with every beat: the bus may lose one."""
+        self._standing, self._beaten_s = order, 0.0
+        self.beat()
 
     def trouble(self) -> str:
         """Who ended, or who has fallen silent since the start; empty while all is well."""
@@ -132,38 +136,14 @@ class Supervisor:
         now = time.monotonic_ns()
         if now < self._started_ns:
             return ""
-        ages = {s: (now - self.health[s]["heard_ns"]) * 1e-9 for s in self._watched() if s in self.health}
-        silent = {
-            topic: (now - heard_ns) * 1e-9
-            for topic, heard_ns in list(self._heard.items())
-            if now - heard_ns > max(AGE_LIMIT_S * 1e9, TOPICS[topic].max_age_ms * 1e7)
-        }
-        recorder_s = ages.pop("recorder", 0.0)
-        mute = {service: age for service, age in ages.items() if age > _MUTE_S}
-        if (silent or max(mute.values(), default=0.0) > AGE_LIMIT_S + 1.0) and len(mute) == len(ages) > 1:
-            return f"hub does not answer: nothing has come from anybody for {min(ages.values()):.1f} s"
-        if mute and (silent or max(mute.values()) > AGE_LIMIT_S + 1.0):
-            service = max(mute, key=lambda name: mute[name])
-            return f"{service} does not answer: silent for {mute[service]:.1f} s"
-        if recorder_s > _RECORDER_MUTE_S:
-            return f"recorder does not answer: silent for {recorder_s:.1f} s"
-        for topic, age in silent.items():
-            return f"{self._producer(topic)} is silent on {topic} for {age:.1f} s"
-        return ""
+        return silence(now, self.health, self._heard, self._watched())
 
     def _watched(self) -> list[str]:
         return [*(name for name in self._processes if name != "hub"), *self._remote]
 
-    def _producer(self, topic: str) -> str:
-        for service, table in self.health.items():
-            if topic in table.get("outputs", ()):
-                return service
-        return "somebody"
-
     def abort(self, why: str) -> None:
         """Tell everybody who is left to reach the safe state."""
-        assert self._bus is not None
-        self._bus.say(CONTROL, {"order": "abort", "why": why})
+        self._order({"order": "abort", "why": why})
 
     def safe(self, service: str) -> bool:
         """Whether `service` says that what it drives is safe; True if it has ended or can say nothing any more."""

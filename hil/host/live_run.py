@@ -11,25 +11,24 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from hil.bus import Bus, Mailbox
+from hil.bus import Bus
 from hil.bus_clock import Clock, DateWatch
 from hil.campaign import Plan
 from hil.flight import Flight
+from hil.graph import GraphError
+from hil.host.live_ear import Ear
+from hil.host.live_ending import TURN_S, await_drivers, bring_down
+from hil.host.live_graph import check_live_graph
 from hil.host.live_judge import Ended, judge
 from hil.host.live_spec import LiveSpec, services
 from hil.host.live_time import clock_lines
 from hil.host.live_wires import free_ports
 from hil.left_overs import remove_orphaned_memory
-from hil.messages import Event, Stage
+from hil.messages import Event
 from hil.provenance import Code
 from hil.runs import new_run, policy_identity, write_json
 from hil.supervisor import Supervisor, SupervisorError
 
-_TURN_S = 0.05
-_LAND_LIMIT_S = 25.0
-_HEARD_S = 0.7  # every service says its health twice a second
-_DRIVERS = ("vehicle_link", "car")
-_WITNESS_S = 3.0  # recorded after the driver itself is gone: what autopilot and car do by themselves
 _OVERTIME_S = 150.0  # prepare and margin on top of the scenario's lead and time limit
 
 
@@ -39,29 +38,6 @@ class LiveFlight:
 
     flight: Flight
     summary: dict[str, Any]
-
-
-class _Ear:
-    """What the supervisor follows itself: stages and errors."""
-
-    def __init__(self, bus: Bus, progress: Callable[[int, str], None]) -> None:
-        self._mailbox, self._progress = Mailbox(urgent=()), progress
-        bus.subscribe("supervisor", ("run/stage", "event", "vehicle/status"), self._mailbox)
-        self.stage, self.errors = "prepare", []
-
-    def listen(self) -> None:
-        for letter in self._mailbox.drain():
-            if letter.topic == "run/stage":
-                stage: Stage = letter.message
-                self.stage = stage.name
-                self._progress(stage.stamp_ns, stage.name)
-            elif letter.topic == "event":
-                event: Event = letter.message
-                if event.severity == "error":
-                    self.errors.append(f"{event.source}: {event.text}")
-
-    def close(self) -> None:
-        self._mailbox.close()
 
 
 def fly_live(
@@ -146,13 +122,13 @@ def _fly(
 ) -> None:
     """Start, watch, and bring down; what happened is noted in `ended`."""
     wanted = list(services(plan.rig))
-    ear: _Ear | None = None
+    ear: Ear | None = None
     try:
         try:
             if "hub" not in remote:
                 supervisor.start("hub")
             bus = supervisor.connect(spec.credentials("supervisor"))
-            ear = _Ear(bus, progress)
+            ear = Ear(bus, progress)
             supervisor.start("recorder")
             for service in wanted:
                 if service not in remote:
@@ -160,6 +136,7 @@ def _fly(
             supervisor.wait_ready(
                 ["recorder", *wanted], waiting=lambda missing: progress(0, f"waiting for {', '.join(missing)}")
             )
+            _check_graph(supervisor, wanted)
             ended.load = (os.getloadavg()[0], 0.0)
             hub_clock, date = _hub_clock(bus), DateWatch()
             started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns)
@@ -173,7 +150,7 @@ def _fly(
                     tell("info", line)
             limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
             while ear.stage != "ended":
-                time.sleep(_TURN_S)
+                time.sleep(TURN_S)
                 supervisor.beat()
                 ear.listen()
                 watch(supervisor)
@@ -189,21 +166,25 @@ def _fly(
         except KeyboardInterrupt:
             ended.interrupted = True
         if ended.trouble or ended.interrupted:
-            _bring_down(supervisor, ended, ear)
+            if ear is not None:
+                bring_down(supervisor, ended)
         elif not plan.rig.simulated:
-            _wait(supervisor, lambda: all(supervisor.safe(driver) for driver in _DRIVERS), _LAND_LIMIT_S)
+            await_drivers(supervisor)
         if ear is not None:
             ear.listen()
             ended.stage = ear.stage
-            attempted = any(t in supervisor.health.get("referee", {}).get("state", "") for t in ("running",))
-            if ear.errors and (ended.trouble or not attempted or ear.stage != "ended"):
-                ended.failure = "; ".join(ear.errors[-3:])
-            failed = [e for e in ear.errors if e.startswith("director: ")]
-            ended.failure = "; ".join(failed) if failed and not ended.trouble else ended.failure
+            ended.failure = ear.failure(troubled=bool(ended.trouble))
         ended.load = (ended.load[0], os.getloadavg()[0])
     finally:
         if ear is not None:
             ear.close()
+
+
+def _check_graph(supervisor: Supervisor, wanted: list[str]) -> None:
+    try:
+        check_live_graph(supervisor.health, wanted)
+    except GraphError as error:
+        raise SupervisorError(str(error)) from None
 
 
 def _hub_clock(bus: Bus) -> Clock:
@@ -211,36 +192,6 @@ def _hub_clock(bus: Bus) -> Clock:
         return bus.clock().measure()
     except TimeoutError as error:
         raise SupervisorError(str(error)) from None
-
-
-def _bring_down(supervisor: Supervisor, ended: Ended, ear: _Ear | None) -> None:
-    """Everybody to the safe state; a second Ctrl-C cuts it short."""
-    if ear is None:
-        return
-    try:
-        supervisor.abort(ended.trouble or "interrupted")
-        who = ended.trouble.split(" ")[0]
-        if who == "hub":
-            supervisor.drop_hub()
-        _wait(supervisor, lambda: False, _HEARD_S)
-        _wait(supervisor, lambda: all(supervisor.safe(driver) for driver in _DRIVERS), _LAND_LIMIT_S)
-        ended.remarks += [
-            f"{driver} did not say within {_LAND_LIMIT_S:.0f} s that what it drives is safe"
-            for driver in _DRIVERS
-            if driver != who and not supervisor.safe(driver)
-        ]
-        if who in _DRIVERS:
-            _wait(supervisor, lambda: False, _WITNESS_S)
-    except KeyboardInterrupt:
-        ended.interrupted = True
-
-
-def _wait(supervisor: Supervisor, done: Callable[[], bool], limit_s: float) -> None:
-    """Until `done`, staying present for the services."""
-    until = time.monotonic() + limit_s
-    while time.monotonic() < until and not done():
-        supervisor.beat()
-        time.sleep(_TURN_S)
 
 
 def _free_port() -> int:

@@ -199,6 +199,17 @@ def test_the_newest_picture_wins_and_the_others_are_counted():
     assert mailbox.dropped == {"camera/image": 4}
 
 
+def test_who_needs_fewer_pictures_takes_fewer_and_misses_none():
+    mailbox = Mailbox(pictures=60, picture_period_ns=50)
+    for at_ns in (0, 17, 33, 52, 67, 83, 100, 117):  # published at; the number beside it is the same
+        put(mailbox, "camera/image", at_ns, image(1))
+        put(mailbox, "belief", at_ns, belief(1))
+    letters = mailbox.drain()
+    assert [one.published_ns for one in letters if one.topic == "camera/image"] == [0, 52, 117]
+    assert len(letters) == 8 + 3
+    assert "camera/image" not in mailbox.lost | mailbox.dropped
+
+
 def test_a_full_mailbox_drops_the_oldest():
     mailbox = Mailbox(depth=8)
     for number in range(11):
@@ -224,9 +235,9 @@ def test_topics_keep_their_common_order():
 
 
 def test_zenoh_is_not_scouting():
-    from hil.bus import _settings
+    from hil.bus_session import settings
 
-    config = _settings(mode="client")
+    config = settings(mode="client")
     assert isinstance(config, zenoh.Config)
     assert config.get_json("scouting/multicast/enabled") == "false"
     assert config.get_json("scouting/gossip/enabled") == "false"

@@ -6,7 +6,8 @@ import pytest
 import zenoh
 
 from hil import messages as m
-from hil.bus import CONTROL, OBSERVERS, TOPIC, Bus, BusError, Mailbox, _settings, credentials_in, open_hub
+from hil.bus import CONTROL, OBSERVERS, TOPIC, Bus, BusError, Mailbox, credentials_in, open_hub
+from hil.bus_session import settings
 from hil.certificates import make_keys
 from hil.host.live_spec import GROUPS
 from hil.keys import access_control
@@ -66,7 +67,7 @@ def test_without_a_certificate_nobody_comes_in(hub, keys):
         {},
         {"transport/link/tls/root_ca_certificate": str(keys / "ca.crt")},  # it trusts the hub, but is nobody itself
     ):
-        config = _settings(mode="client", **{"connect/endpoints": [hub], "connect/timeout_ms": 1500}, **more)
+        config = settings(mode="client", **{"connect/endpoints": [hub], "connect/timeout_ms": 1500}, **more)
         with pytest.raises(zenoh.ZError):
             zenoh.open(config).close()
     with pytest.raises(BusError, match="lets nobody in without --keys"):

@@ -110,11 +110,11 @@ def test_a_service_without_topics_is_missed_by_its_health(tmp_path):
 
 
 def test_the_recorder_may_be_busy_for_longer_and_is_not_blamed_for_others(tmp_path):
-    run = Run(tmp_path, brain=0.2, recorder=2.5, mocap=0.3)
+    run = Run(tmp_path, brain=0.2, recorder=1.8, mocap=0.3)
     assert run.trouble() == ""
     run.topic("mocap/board", 1.2)
     assert run.trouble().startswith("mocap is silent")
-    assert Run(tmp_path, brain=0.2, mocap=0.2, recorder=3.1).trouble().startswith("recorder does not answer")
+    assert Run(tmp_path, brain=0.2, mocap=0.2, recorder=2.1).trouble().startswith("recorder does not answer")
 
 
 def test_if_nobody_is_heard_it_is_the_hub(tmp_path):

@@ -108,7 +108,7 @@ def test_only_what_wakes_a_node_wakes_it_and_the_rest_comes_along(start):
 
 
 def test_what_comes_on_a_wire_wakes_its_driver_whatever_its_period(start, monkeypatch):
-    monkeypatch.setattr("hil.host.live.WIRE_PERIOD_NS", 3600 * 10**9)
+    monkeypatch.setattr("hil.host.live_seats.WIRE_PERIOD_NS", 3600 * 10**9)
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     here.setblocking(False)
     node = Fake(period_ns=2_000_000, wire=here)
