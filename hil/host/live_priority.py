@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import os
 import struct
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -28,6 +29,7 @@ class Priority(NamedTuple):
 CONTROL = Priority(-15, 300_000)
 PRIORITIES = {"detector": Priority(-13), "camera": Priority(-11), "recorder": Priority(-5)}
 
+_TRIES = 20
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux system call numbers; the C library has no wrapper
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # size, policy, flags, nice, priority, runtime, deadline, period
 
@@ -38,10 +40,20 @@ def take_priority(service: str) -> None:
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, wanted.nice)
     if os.getsid(0) == os.getpid():  # else it is the session of somebody's shell
-        with suppress(OSError):
-            Path("/proc/self/autogroup").write_text(str(wanted.nice))
+        _weigh_session(wanted.nice)
     if wanted.slice_ns:
         _take_slice(wanted.slice_ns)
+
+
+def _weigh_session(nice: int) -> None:
+    for _ in range(_TRIES):
+        try:
+            Path("/proc/self/autogroup").write_text(str(nice))
+            return
+        except BlockingIOError:  # who is not root may ask ten times a second, all together
+            time.sleep(0.1)
+        except OSError:
+            return
 
 
 def _take_slice(slice_ns: int) -> bool:
