@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
-import os
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
-
-def remove_orphaned_memory(since: float) -> list[str]:
-    """Shared-memory files of the bus, made after `since` (Unix time), that no process holds any more: removed.
-
-    Returns their names. Hard ends leave them behind.
-    """
-    folder, removed = Path("/dev/shm"), []
-    mine = [p for p in folder.glob("*.zenoh") if _is_ours(p, since)]
-    if not mine:
-        return removed
-    held: set[str] = set()
-    for maps in Path("/proc").glob("[0-9]*/maps"):
-        try:
-            text = maps.read_text()
-        except OSError:
-            continue
-        held.update(p.name for p in mine if str(p) in text)
-    for path in mine:
-        if path.name not in held:
-            path.unlink(missing_ok=True)
-            removed.append(path.name)
-    return removed
+_FOLDER = Path("/dev/shm")
+_MAPPED = re.compile(r" /dev/shm/(\S+\.zenoh)$", re.MULTILINE)
 
 
-def _is_ours(path: Path, since: float) -> bool:
+def mapped_memory(process: int | str = "self") -> set[str]:
+    """Names of the bus's shared-memory files that `process` (its id) holds; none if it is gone."""
     try:
-        status = path.stat()
+        return set(_MAPPED.findall(Path(f"/proc/{process}/maps").read_text()))
     except OSError:
-        return False
-    return status.st_uid == os.getuid() and status.st_mtime >= since
+        return set()
+
+
+def remove_orphaned_memory(names: Iterable[str]) -> list[str]:
+    """Those of `names` that are still there although no process holds them any more: removed, and returned."""
+    left = {name for name in names if (_FOLDER / name).exists()}
+    if not left:
+        return []
+    for process in Path("/proc").glob("[0-9]*"):
+        left -= mapped_memory(process.name)
+    for name in left:
+        (_FOLDER / name).unlink(missing_ok=True)
+    return sorted(left)

@@ -141,4 +141,7 @@ def soak(scenario: str, minutes: float, out: Path, seed: int = 0) -> tuple[list[
     )  # fmt: skip
     verdicts = [judge(service, samples) for service, samples in sorted(diary.samples.items())]
     trouble = "interrupted" if live.flight.interrupted else live.summary["ended"]["trouble"]
+    left = live.summary["shared_memory_removed"]
+    if left:
+        verdicts.append(Verdict("bus", 0.0, 0.0, 0.0, 0.0, (f"{left} files left in shared memory",)))
     return verdicts, trouble, live.flight.run.path

@@ -19,6 +19,7 @@ from typing import Any
 
 from hil.bus import CONTROL, HEALTH, Bus, BusError
 from hil.host.live_time import clock_fault
+from hil.left_overs import mapped_memory
 from hil.service_process import Process
 from hil.silence import silence
 from hil.topics import TOPICS
@@ -51,6 +52,7 @@ class Supervisor:
         self._standing: dict[str, Any] = {"order": "watch"}
         self._beaten_s = 0.0
         self.remarks: list[str] = []
+        self.memory: set[str] = set()  # names of what this run's processes hold in shared memory
 
     def start(self, service: str) -> None:
         """Start one service's process."""
@@ -74,6 +76,7 @@ class Supervisor:
 
     def _note(self, table: dict[str, Any]) -> None:
         self.health[str(table.get("service"))] = {**table, "heard_ns": time.monotonic_ns()}
+        self.memory.update(table.get("memory", ()))
 
     def wait_ready(
         self, services: Iterable[str], limit_s: float = READY_LIMIT_S, waiting: Callable[[list[str]], None] = print
@@ -86,6 +89,8 @@ class Supervisor:
             missing = [s for s in services if self.health.get(s, {}).get("state") != "ready"]
             self._check_remote()
             if not missing:
+                for process in self._processes.values():  # the hub tells of nothing
+                    self.memory |= mapped_memory(process.pid)
                 return
             self._check_ended()
             if time.monotonic() > until:

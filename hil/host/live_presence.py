@@ -8,6 +8,9 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
+
+from hil.left_overs import mapped_memory
 
 SILENT_NS = 3_000_000_000  # the supervisor speaks five times a second
 _PAGE_KB = resource.getpagesize() // 1024
@@ -56,9 +59,9 @@ class Presence:
         return ""
 
 
-def footprint() -> dict[str, float]:
-    """Resident memory (kB) and processor time so far (s) of this process."""
-    found = {"cpu_s": round(time.process_time(), 3)}
+def footprint() -> dict[str, Any]:
+    """Resident memory (kB), processor time so far (s) and files in shared memory of this process."""
+    found: dict[str, Any] = {"cpu_s": round(time.process_time(), 3), "memory": sorted(mapped_memory())}
     with suppress(OSError, ValueError, IndexError):
         found["rss_kb"] = int(Path("/proc/self/statm").read_text().split()[1]) * _PAGE_KB
     return found

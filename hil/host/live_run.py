@@ -82,10 +82,11 @@ def fly_live(
         folder=run.path.resolve(), keys=keys,
     )  # fmt: skip
     spec.write(logs / "spec.json")
-    wall, began, state = time.perf_counter(), time.time(), "failed"
+    wall, state = time.perf_counter(), "failed"
     ended = Ended()
+    supervisor = Supervisor(logs / "spec.json", endpoint, logs, remote, spec.digest(plan))
     try:
-        with Supervisor(logs / "spec.json", endpoint, logs, remote, spec.digest(plan)) as supervisor:
+        with supervisor:
             try:
                 _fly(supervisor, spec, plan, progress, ended, remote, watch)
             finally:
@@ -97,7 +98,7 @@ def fly_live(
                     ended.trouble = ended.trouble or f"{killed[0]}: the recording lacks its end"
         state = "interrupted" if ended.interrupted else "failed" if ended.trouble else "finished"
     finally:
-        leaked = remove_orphaned_memory(began)
+        leaked = remove_orphaned_memory(supervisor.memory)
         score, table = judge(run, plan, seed, ended)
         table["shared_memory_removed"] = len(leaked)
         write_json(run.path / "live.json", table)

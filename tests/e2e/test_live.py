@@ -19,7 +19,7 @@ from hil import provenance
 from hil.campaign import Plan
 from hil.host.live_run import fly_live
 from hil.host.replay import replay_run
-from hil.left_overs import remove_orphaned_memory
+from hil.left_overs import mapped_memory
 from hil.reader import Recording
 
 pytestmark = pytest.mark.live
@@ -53,12 +53,17 @@ def nobody_left(out):
     return not processes(out)
 
 
+def memory_left(strike):
+    """Files in shared memory that were the run's when it was struck, and are still there."""
+    return [name for name in strike.memory if Path("/dev/shm", name).exists()]
+
+
 class Strike:
     """A progress callback that hits one service `after_s` into a stage of the run."""
 
     def __init__(self, out, service, number, stage="attempt", after_s=0.5):
         self.out, self.service, self.number, self.stage, self.after_ns = out, service, number, stage, after_s * 1e9
-        self.since_ns, self.done = None, False
+        self.since_ns, self.done, self.memory = None, False, set()
 
     def __call__(self, now_ns, what):
         if self.done or not what.startswith(self.stage):
@@ -66,6 +71,7 @@ class Strike:
         self.since_ns = now_ns if self.since_ns is None else self.since_ns
         if now_ns - self.since_ns >= self.after_ns:
             self.done = True
+            self.memory = set().union(*(mapped_memory(pid) for pid in processes(self.out).values()))
             if self.service == "":
                 raise KeyboardInterrupt
             os.kill(processes(self.out)[self.service], self.number)
@@ -117,11 +123,11 @@ def can_hang(tmp_path, monkeypatch):
 @pytest.mark.parametrize("number", [KILL, STOP, BUSY], ids=["kill", "stop", "busy"])
 @pytest.mark.parametrize("service", SERVICES)
 def test_a_strike_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
-    out, began, strike = tmp_path / "runs", time.time(), Strike(tmp_path, service, number)
+    out, strike = tmp_path / "runs", Strike(tmp_path, service, number)
     live = fly(out, strike, "pictures" if service == "detector" else "model")
     assert strike.done
     assert nobody_left(tmp_path)
-    assert remove_orphaned_memory(began) == []
+    assert not memory_left(strike)
     run, remarks = live.flight.run, live.summary["remarks"]
     recording = Recording(run.path)
     said = {name: (run.path / "live" / f"{name}.log").read_text() for name in live.summary["services"]}
@@ -153,10 +159,10 @@ def test_a_strike_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, serv
 
 @pytest.mark.parametrize("stage", ["waiting", "attempt"])
 def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
-    began = time.time()
-    live = fly(tmp_path, Strike(tmp_path, "", 0, stage, 0.0))
+    strike = Strike(tmp_path, "", 0, stage, 0.0)
+    live = fly(tmp_path, strike)
     assert nobody_left(tmp_path)
-    assert remove_orphaned_memory(began) == []
+    assert not memory_left(strike)
     run = live.flight.run
     assert live.flight.interrupted
     assert run.manifest["state"] == "interrupted"

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from node_fakes import FakeNode
 
 from hil.graph import GraphError
 from hil.host.live_graph import check_live_graph, declare
+from tests.unit.hil.node_fakes import FakeNode
 
 SEES = FakeNode("detector", inputs=("camera/image",), outputs=("board/detection",), wakes=("camera/image",))
 LOOKS = FakeNode("camera", outputs=("camera/image",), period_ns=16_666_667)
