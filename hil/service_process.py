@@ -57,8 +57,8 @@ class Process:
         words = self.last_words()
         return f"{self.name} {how}" + (f": {words}" if words else "")
 
-    def end(self, patience_s: float, meanwhile: Callable[[], object] = lambda: None) -> str:
-        """Wait `patience_s`, then SIGTERM, then SIGKILL. Returns what it took beyond patience.
+    def end(self, patience_s: float, meanwhile: Callable[[], object] = lambda: None, grace_s: float = _GRACE_S) -> str:
+        """Wait `patience_s`, then SIGTERM, `grace_s` later SIGKILL. Returns what it took beyond patience.
 
         `meanwhile` is called several times a second while waiting.
         """
@@ -66,7 +66,7 @@ class Process:
             return ""
         for number in (signal.SIGTERM, signal.SIGKILL):
             self._popen.send_signal(number)
-            if self._wait(_GRACE_S, meanwhile):
+            if self._wait(grace_s, meanwhile):
                 return f"{self.name} had to be stopped with {number.name}"
         return f"{self.name} cannot be stopped"
 

@@ -27,7 +27,8 @@ from hil.topics import TOPICS
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
 _BEAT_S = 0.2
 _STOP_S = 4.0
-_RECORDER_S = 15.0  # it still has to write what came last
+_GRACE_S = 2.0  # from asking by signal to killing
+_RECORDER_S, _RECORDER_GRACE_S = 15.0, 6.0  # it still has to write what came last
 # Not listened to: big, or silent by design once the gate or the referee has spoken, or frequent and of simulated
 # devices, which tell of themselves twice a second as everybody does
 _QUIET = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
@@ -189,8 +190,8 @@ class Supervisor:
                     os.kill(process.pid, signal.SIGTERM)
             elif process.ended() is None:
                 self._say_stop(service)
-            patience_s = _RECORDER_S if service == "recorder" else _STOP_S
-            remark = process.end(patience_s if self._hub_lives() else 0.0, self.beat)
+            patience_s, grace_s = (_RECORDER_S, _RECORDER_GRACE_S) if service == "recorder" else (_STOP_S, _GRACE_S)
+            remark = process.end(patience_s if self._hub_lives() else 0.0, self.beat, grace_s)
             if remark:
                 self.remarks.append(remark)
         self._processes.clear()

@@ -122,6 +122,7 @@ def record(spec: LiveSpec) -> int:
             sorter.add(letter)
         for now, letter in sorter.take(None):
             recorder(now, letter.topic, letter.message)
+        recorder.close()  # before the bus, which takes its time where the hub is gone
         write_json(spec.folder / "numbers.json", seen.table())
         tell(bus, "stopped")
     return 0

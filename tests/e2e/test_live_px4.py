@@ -81,8 +81,7 @@ def test_two_flights_in_a_row_on_one_autopilot(site, tmp_path):
             assert (statuses[-1].phase, statuses[-1].armed) == ("released", False)
             assert events.index("stage attempt") < events.index("mode AUTO.LAND"), "handed back, landed, disarmed"
             sent = [e.message for e in recording.messages(["vehicle/sent"])]
-            cut_short = any("gate tripped" in text or "control lost" in text for text in events)  # a starved machine
-            assert len(sent) > 100 or (sent and cut_short), "a second of body rates at least"
+            assert len(sent) > 100, "a second of body rates at least"
             assert 0.3 < statuses[-1].hover_thrust < 0.7
     assert told["armed"] == 2
     assert not told["armed_now"]
