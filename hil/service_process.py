@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 _GRACE_S, _SLICE_S = 2.0, 0.1
+PARENT = "PERCH_SUPERVISOR"  # environment: who started a service, which may be gone before the service can look
 _ENVIRONMENT = {
     # one thread a process: they are many; freed picture buffers stay with the process instead of being mapped anew
     **dict.fromkeys(
@@ -28,7 +29,7 @@ class Process:
         with log.open("wb") as file:
             self._popen = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
-                env={**os.environ, **_ENVIRONMENT}, start_new_session=True,
+                env={**os.environ, **_ENVIRONMENT, PARENT: str(os.getpid())}, start_new_session=True,
             )  # fmt: skip
         self.pid = self._popen.pid
 

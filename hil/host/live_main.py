@@ -24,6 +24,7 @@ from hil.host.live_warm import warm_up
 from hil.host.live_wires import LiveWires
 from hil.receipts import ReceiptBook
 from hil.record import RecordingError
+from hil.service_process import PARENT
 from hil.simulation import counters
 from hil.wires import WireError
 
@@ -33,8 +34,10 @@ _PATIENCE_S = 40.0  # more than anybody takes to reach the safe state
 
 
 def die_with_parent() -> None:
-    """Be told (SIGTERM) when the process that started this one is gone, however it went."""
+    """Be told (SIGTERM) when the process that started this one is gone, however it went; at once if it is already."""
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.environ.get(PARENT, str(os.getppid())) != str(os.getppid()):
+        sys.exit(COULD_NOT_RUN)
 
 
 def last_resort(patience_s: float = _PATIENCE_S) -> None:

@@ -25,9 +25,9 @@ class Priority(NamedTuple):
 
 
 # A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn
-# and several to be searched: these two are not chopped up. Nobody waits for the recorder.
+# and several to be searched: these two are not chopped up. The recorder has time.
 CONTROL = Priority(-15, 300_000)
-PRIORITIES = {"detector": Priority(-13), "camera": Priority(-11), "recorder": Priority(-5)}
+PRIORITIES = {"detector": Priority(-13), "camera": Priority(-11), "recorder": Priority(-9)}
 
 _TRIES = 20
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux system call numbers; the C library has no wrapper

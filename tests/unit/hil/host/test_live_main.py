@@ -6,6 +6,8 @@ import sys
 import time
 from pathlib import Path
 
+from hil.service_process import PARENT as STARTED_BY
+
 CHILD = """
 import sys
 from hil.host.live_main import last_resort
@@ -41,3 +43,17 @@ def test_a_hanging_service_ends_itself_when_its_supervisor_is_gone():
     finally:
         if alive(pid):
             os.kill(pid, 9)
+
+
+def test_a_service_whose_supervisor_was_gone_before_it_could_look_ends_at_once(tmp_path):
+    """Its parent is then somebody else, who never changes."""
+    code = "from hil.host.live_main import die_with_parent; die_with_parent(); print('lives')"
+    for parent, said, ended in ((str(os.getpid()), "lives\n", 0), ("1", "", 3)):
+        child = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            env={**os.environ, STARTED_BY: parent},
+            timeout=120,
+        )
+        assert (child.stdout, child.returncode) == (said, ended)
