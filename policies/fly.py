@@ -10,26 +10,12 @@ import numpy as np
 
 from policies.contract import CameraContract, check_contract, open_policy
 from policies.observation import ObservationBuilder, action_from_command, command_from_action
-from policies.thrust_gain import GAIN_DIM, gain_reset, gain_update
+from policies.odometry import NOW_DIM, VehicleView, odometry_now
+from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
 from vehicle.airframe import GRAVITY, Airframe
 from vehicle.rotations import body_z
 
 Vec3 = tuple[float, float, float]
-
-
-class VehicleView(Protocol):
-    """The vehicle's own estimate (hil.messages.VehicleState has these)."""
-
-    @property
-    def stamp_ns(self) -> int: ...
-    @property
-    def position(self) -> Vec3: ...
-    @property
-    def velocity(self) -> Vec3: ...
-    @property
-    def orientation(self) -> tuple[float, float, float, float]: ...
-    @property
-    def body_rate(self) -> Vec3: ...
 
 
 class BoardView(Protocol):
@@ -92,7 +78,7 @@ class OnnxPolicy:
         self._drag = sum(airframe.body.drag[:2]) / 2 / airframe.body.mass
         self._lag = airframe.motors.lag + 0.01
         self._gain = np.zeros(GAIN_DIM)
-        self._action, self._command = np.zeros(4), np.zeros(4)
+        self._action, self._command, self._now = np.zeros(4), np.zeros(4), np.zeros(NOW_DIM)
         self.reset(0)
 
     def reset(self, now_ns: int) -> None:
@@ -105,10 +91,11 @@ class OnnxPolicy:
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
         """One control tick. Raises ValueError if the vehicle's estimate is not finite."""
-        orientation, velocity = np.array(vehicle.orientation), np.array(vehicle.velocity)
+        achieved = self._gain[G_GAIN] * self._gain[G_LAGGED]
+        position, velocity, orientation = odometry_now(now_ns, vehicle, achieved, self._drag, self._now)
         gain = gain_update(
             self._gain,
-            *vehicle.velocity,
+            *velocity,
             *body_z(orientation),
             self._command[3],
             (now_ns - self._last_ns) * 1e-9,
@@ -124,9 +111,7 @@ class OnnxPolicy:
             [*board.position, board.heading, board.speed, board.turn_rate, board.inclination, 0.0], dtype=np.float64
         )
         self._builder.push(now_ns, platform)
-        observation = self._builder.build(
-            now_ns, np.array(vehicle.position), velocity, orientation, board.rho, self._action, gain
-        )
+        observation = self._builder.build(now_ns, position, velocity, orientation, board.rho, self._action, gain)
         raw = self._session.run(None, {self._input: observation[None]})[0][0]
         self._action[:] = np.clip(raw.astype(np.float64), -1.0, 1.0)
         command_from_action(self._action, self._command)

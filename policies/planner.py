@@ -14,7 +14,7 @@ from policies import planner_polynomial as poly
 from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
 from policies.belief_motion import N
 from policies.planner_follow import climb_away, face, follow, hold
-from policies.planner_runup import flare_gate, fly_runup, runup_time
+from policies.planner_runup import flare_gate, fly_runup, met_slow, runup_time
 from policies.planner_search import MOTION_DIM, search
 from policies.prediction import carry_swing, predict_swing
 from policies.speed_history import (
@@ -185,7 +185,10 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
         elif phase == FOLLOW and platform[6] >= params[pp.RUN_INCLINATION]:
             straight = abs(platform[5]) < params[pp.RUN_TURN] * _slack(state, t, params)
             near = state[S_AWAY] < params[pp.RUN_AWAY] * _slack(state, t, params)
-            if near and straight and _ready(state, t, estimate, platform[6], params):
+            share = params[pp.RUN_SWING] * _slack(state, t, params)
+            history = state[S_HISTORY : S_HISTORY + HISTORY_DIM]
+            slow = met_slow(future, step, platform[6], share, history, params)
+            if near and straight and slow and _ready(state, t, estimate, platform[6], params):
                 phase = RUN_UP
                 state[S_GATE] = t + runup_time(platform[6], params)
         elif (

@@ -17,9 +17,9 @@ import numpy as np
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
-    TOUCH_LAG,
-) = range(81)  # fmt: skip
-COUNT = 81
+    TOUCH_LAG, RUN_SWING,
+) = range(82)  # fmt: skip
+COUNT = 82
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -84,7 +84,8 @@ class PlannerParams:
     Run-up (from `run_inclination` on, where `steep` is also put over the other values): thrust and body rate of the
     flare it leads to; its acceleration, the coast after it, the vertical acceleration; gains; how near (`run_away`) and
     how straight (`run_turn`) it begins; when before the flare's gate
-    (`run_commit`) and below which cost (`run_cost`) the perch is planned.
+    (`run_commit`) and below which cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is
+    slow: the speed foretold for contact must be in the lowest `run_swing` of its range, which widens as other demands.
     """
 
     gravity: float = 9.80665
@@ -168,6 +169,7 @@ class PlannerParams:
     touch_late: float = 0.15
     touch_keep: float = 0.01
     touch_lag: float = 0.02
+    run_swing: float = 0.14
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from policies.fly import BoardView, Command, VehicleView
+from policies.odometry import NOW_DIM, odometry_now
 from policies.planner import (
     E_AGE,
     E_SIGMA,
@@ -21,11 +22,10 @@ from policies.planner import (
     planner_on_estimate,
     planner_reset,
 )
-from policies.planner_params import PlannerParams
+from policies.planner_params import DRAG, PlannerParams
 from policies.prediction import HORIZON, STEP
-from policies.thrust_gain import G_GAIN
+from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM
 from vehicle.airframe import Airframe
-from vehicle.rotations import from_rotation_vector, multiply
 
 
 def planner_params(airframe: Airframe) -> PlannerParams:
@@ -46,6 +46,7 @@ class PlannerPolicy:
         self._params = (params or planner_params(airframe)).row()
         self._state = np.zeros(PLANNER_DIM)
         self._estimate, self._x, self._out = np.zeros(ESTIMATE_DIM), np.zeros(8), np.zeros(4)
+        self._now = np.zeros(NOW_DIM)
         self._future = np.zeros((HORIZON, 8))
         self.reset(0)
 
@@ -75,11 +76,9 @@ class PlannerPolicy:
         estimate[E_STREAK] = board.streak
         self._x[:3] = board.position
         self._x[3:] = board.heading, board.speed, board.turn_rate, board.inclination, board.acceleration
-        age = (now_ns - vehicle.stamp_ns) * 1e-9  # of the odometry
-        velocity = np.array(vehicle.velocity)
-        turned = multiply(vehicle.orientation, from_rotation_vector(*(age * w for w in vehicle.body_rate)))
-        t = (now_ns - self._origin_ns) * 1e-9
-        return t, np.array(vehicle.position) + age * velocity, velocity, np.array(turned)
+        gain = self._state[S_GAIN : S_GAIN + GAIN_DIM]
+        now = odometry_now(now_ns, vehicle, gain[G_GAIN] * gain[G_LAGGED], self._params[DRAG], self._now)
+        return (now_ns - self._origin_ns) * 1e-9, *now
 
     def _command(self, phase: int) -> Command:
         self._engaged = self._engaged or phase != HOLD

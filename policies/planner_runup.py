@@ -15,6 +15,9 @@ import math
 from kernel import njit
 from policies import planner_params as pp
 from policies.planner_follow import command_acceleration, face, keep_in_view
+from policies.speed_history import history_range
+
+_STEADY = 0.3  # m/s, a range of speeds that makes no moment better than another
 
 
 @njit
@@ -35,6 +38,22 @@ def flare_gate(inclination, params):
 def runup_time(inclination, params):
     """Seconds from the standoff to the gate."""
     return params[pp.RUN_COAST] + flare_gate(inclination, params)[2] / params[pp.RUN_ACCEL]
+
+
+@njit
+def met_slow(future, step, inclination, share, history, params):
+    """True if a run-up begun now meets the board in the lowest `share` of its speeds, remembered and foretold.
+
+    Fast is hard: the flare begins faster, the camera has been pitched away from the board for longer, and an error in
+    the time of contact is a larger error along the board. A board that hardly changes its speed is never waited for.
+    `future` (K, 8) from now on, `history` a speed history row.
+    """
+    ahead = (runup_time(inclination, params) + flare_gate(inclination, params)[4]) / step
+    least, most = history_range(history)
+    for k in range(future.shape[0]):
+        least, most = min(least, abs(future[k, 4])), max(most, abs(future[k, 4]))
+    then = abs(future[min(future.shape[0] - 1, int(ahead + 0.5)), 4])
+    return most - least < _STEADY or then <= least + share * (most - least)
 
 
 @njit

@@ -22,6 +22,7 @@ _MEMORY = 3.0  # s, older speeds count less
 _LEAST = 1.0  # s of history before anything is fitted
 _GAP = 1.2  # s, longest gap that is filled
 _NOISE = 0.04  # m/s, of the believed speed
+_SETTLE = 8  # entries in which the filter only finds the speed
 _BACK = 14  # entries of the newest past that a fit has to foretell: 0.7 s
 _RIDGE = 0.002
 _LINE = 6  # entries to which the line through the speed is fitted that a fit has to beat
@@ -62,6 +63,17 @@ def history_push(history, t, speed):
         history[H_RING + head] = before + (speed - before) * i / count
     history[H_HEAD], history[H_TIME] = head, time
     history[H_COUNT] = min(history[H_COUNT] + count, float(LENGTH))
+
+
+@njit
+def history_range(history):
+    """(least, most) size of the remembered speeds, m/s, without the first _SETTLE entries; (inf, 0) of none."""
+    least, most = math.inf, 0.0
+    head = int(history[H_HEAD])
+    for i in range(int(history[H_COUNT]) - _SETTLE):
+        speed = abs(history[H_RING + (head - i) % LENGTH])
+        least, most = min(least, speed), max(most, speed)
+    return least, most
 
 
 @njit

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 
 from policies import planner_params as pp
 from policies import planner_runup as ru
+from policies import speed_history as sh
 from policies.planner_params import PlannerParams
+from policies.prediction import HORIZON, STEP
 
 ROW = PlannerParams().row()[pp.COUNT :]
 
@@ -63,3 +65,41 @@ def test_at_its_starting_point_with_the_board_s_speed_it_only_holds():
     )  # leans into the drag
     moving, _ = ru.fly_runup(left - 1.0, False, p, v, q, platform, 0.0, 1.0, ROW, out)
     assert moving > 0.3 and out[1] > 0.5  # behind: nose down
+
+
+def swinging(phase):
+    """Past and future of a board whose speed swings between 1.0 and 2.5 m/s every 3 s; `phase` rad is now."""
+
+    def speed(t):
+        return 1.75 + 0.75 * math.cos(phase + 2.0 * math.pi * t / 3.0)
+
+    history, future = np.zeros(sh.HISTORY_DIM), np.zeros((HORIZON, 8))
+    for k in range(400):
+        sh.history_push(history, 0.01 * k, speed(0.01 * k - 4.0))
+    future[:, 4] = [speed(STEP * k) for k in range(HORIZON)]
+    return future, history, speed
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_a_run_up_is_begun_if_it_meets_the_board_slow(share):
+    inclination = math.radians(70.0)
+    there = ru.runup_time(inclination, ROW) + ru.flare_gate(inclination, ROW)[4]
+    taken = 0
+    for phase in np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False):
+        future, history, speed = swinging(phase)
+        begun = ru.met_slow(future, STEP, inclination, share, history, ROW)
+        taken += begun
+        if abs(speed(there) - 1.0 - 1.5 * share) > 0.1:
+            assert begun == (speed(there) < 1.0 + 1.5 * share)
+    assert taken > 0
+
+
+def test_a_board_that_was_slow_a_moment_ago_is_waited_for_although_nothing_is_foretold_of_it():
+    inclination = math.radians(70.0)
+    future, history, _ = swinging(0.0)
+    future[:, 4] = 2.5
+    assert not ru.met_slow(future, STEP, inclination, 0.2, history, ROW)
+    steady = np.zeros(sh.HISTORY_DIM)
+    for k in range(400):
+        sh.history_push(steady, 0.01 * k, 2.5)
+    assert ru.met_slow(future, STEP, inclination, 0.2, steady, ROW)

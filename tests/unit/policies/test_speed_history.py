@@ -67,3 +67,10 @@ def test_a_short_history_is_not_trusted_and_says_so():
     fit = np.zeros(sh.FIT_DIM)
     sh.fit_swing(filled(swing, 0.6), 0.8, fit)
     assert fit[3] == 0.0 and fit[4] == sh.UNKNOWN
+
+
+def test_the_range_of_speeds_leaves_out_the_filters_first_guesses():
+    history = filled(lambda t: 3.0 if t < 0.3 else 1.0 + 0.2 * t, 2.0)
+    least, most = sh.history_range(history)
+    assert least == pytest.approx(1.08, abs=0.02) and most == pytest.approx(1.4, abs=0.02)
+    assert sh.history_range(np.zeros(sh.HISTORY_DIM)) == (math.inf, 0.0)
