@@ -31,7 +31,7 @@ class Sample:
     """One look at one service. `steps` and `late` count since its start, over its nodes, missed ones among both."""
 
     at_s: float
-    rss_kb: float
+    own_kb: float
     steps: int
     late: int
 
@@ -41,7 +41,7 @@ class Verdict:
     """What one service did. `early` and `last`: shares of late steps in the first and the last third of the run."""
 
     service: str
-    rss_kb: float
+    own_kb: float
     growth_kb: float
     early: float
     last: float
@@ -66,10 +66,10 @@ class Diary:
             return
         self._next_s = at_s + SAMPLE_S
         for service, table in list(health.items()):
-            if "rss_kb" in table:
+            if "own_kb" in table:
                 paces = list(table.get("nodes", {}).values())
                 steps, late, missed = (sum(pace.get(key, 0) for pace in paces) for key in ("steps", "late", "missed"))
-                sample = Sample(at_s, float(table["rss_kb"]), steps + missed, late + missed)
+                sample = Sample(at_s, float(table["own_kb"]), steps + missed, late + missed)
                 self.samples.setdefault(service, []).append(sample)
 
 
@@ -78,9 +78,9 @@ def judge(service: str, samples: Sequence[Sample]) -> Verdict:
     settled = [sample for sample in samples if sample.at_s >= samples[0].at_s + SETTLE_S]
     third = len(settled) // 3
     if third < 2:
-        return Verdict(service, samples[-1].rss_kb, 0.0, 0.0, 0.0, ("too short to tell",))
+        return Verdict(service, samples[-1].own_kb, 0.0, 0.0, 0.0, ("too short to tell",))
     first, last = settled[:third], settled[-third:]
-    before, after = (median(sample.rss_kb for sample in part) for part in (first, last))
+    before, after = (median(sample.own_kb for sample in part) for part in (first, last))
     early, late = _late(first), _late(last)
     faults = []
     if after - before > MEMORY_KB + MEMORY_SHARE * before:
@@ -102,7 +102,7 @@ def table(verdicts: Sequence[Verdict]) -> Table:
         made.add_column(column, justify="left" if column in ("service", "") else "right")
     for one in verdicts:
         made.add_row(
-            one.service, f"{one.rss_kb / 1024:.1f}", f"{one.growth_kb / 1024:+.1f}", f"{one.early:.1%}",
+            one.service, f"{one.own_kb / 1024:.1f}", f"{one.growth_kb / 1024:+.1f}", f"{one.early:.1%}",
             f"{one.last:.1%}", "; ".join(one.faults), style="yellow" if one.faults else "",
         )  # fmt: skip
     return made

@@ -60,8 +60,10 @@ class Presence:
 
 
 def footprint() -> dict[str, Any]:
-    """Resident memory (kB), processor time so far (s) and files in shared memory of this process."""
+    """What this process takes: memory of its own and with what it shares (kB), processor time so far (s), and its
+    files in shared memory, whose pages count as resident in every process that has read them."""
     found: dict[str, Any] = {"cpu_s": round(time.process_time(), 3), "memory": sorted(mapped_memory())}
     with suppress(OSError, ValueError, IndexError):
-        found["rss_kb"] = int(Path("/proc/self/statm").read_text().split()[1]) * _PAGE_KB
+        resident, shared = map(int, Path("/proc/self/statm").read_text().split()[1:3])
+        found["rss_kb"], found["own_kb"] = resident * _PAGE_KB, (resident - shared) * _PAGE_KB
     return found

@@ -9,13 +9,13 @@ from scenarios.spec import list_scenarios, load
 from scenarios.toml_errors import ConfigError
 
 
-def samples(count=60, *, rss_kb=lambda t: 200_000.0, late=lambda t: 0.0):
+def samples(count=60, *, own_kb=lambda t: 200_000.0, late=lambda t: 0.0):
     """`late` is the share of late steps at a time; 100 steps a second."""
     found, total = [], 0.0
     for number in range(count):
         at_s = number * SAMPLE_S
         total += late(at_s) * 100 * SAMPLE_S
-        found.append(Sample(at_s, rss_kb(at_s), round(100 * at_s), round(total)))
+        found.append(Sample(at_s, own_kb(at_s), round(100 * at_s), round(total)))
     return found
 
 
@@ -27,12 +27,12 @@ def test_a_steady_service_passes():
 
 
 def test_a_leak_is_told_with_its_size():
-    (fault,) = judge("brain", samples(rss_kb=lambda t: 200_000 + 200 * t)).faults
+    (fault,) = judge("brain", samples(own_kb=lambda t: 200_000 + 200 * t)).faults
     assert fault.startswith("memory grew by 1")
 
 
 def test_what_fills_up_at_the_start_is_no_leak():
-    assert judge("brain", samples(rss_kb=lambda t: 200_000 + 3000 * min(t, 18.0))).faults == ()
+    assert judge("brain", samples(own_kb=lambda t: 200_000 + 3000 * min(t, 18.0))).faults == ()
 
 
 def test_growing_lateness_is_told():
@@ -47,7 +47,7 @@ def test_too_short_a_run_is_no_verdict():
 def test_the_diary_looks_now_and_then_and_counts_missed_steps_as_late():
     diary = Diary()
     table = {
-        "rss_kb": 5,
+        "own_kb": 5,
         "nodes": {"a": {"steps": 10, "late": 1, "missed": 2}, "b": {"steps": 5, "late": 0, "missed": 0}},
     }
     diary.look({"brain": table}, 0.0)

@@ -48,4 +48,5 @@ def test_a_dead_parent_counts_unless_it_was_nobody():
 def test_a_process_knows_what_it_takes():
     found = footprint()
     assert found["rss_kb"] > 1000
+    assert 1000 < found["own_kb"] < found["rss_kb"]
     assert found["cpu_s"] > 0
