@@ -1,8 +1,8 @@
 """Live runs, a process a service: what a run leaves, and what happens to it when a service dies, stops or hangs.
 
 The machine may be busy: nothing here depends on how fast it is. An attempt may fail because of that, but the run says
-what happened, its recording can be read and replayed, and nobody is left behind. Each run takes 40 to 60 s on two cores with
-other work on them, all of them half an hour: eleven services, each killed, stopped and hung.
+what happened, its recording can be read and replayed, and nobody is left behind. Each run takes 40 to 60 s on two
+cores with other work on them, all of them half an hour: eleven services, each killed, stopped and hung.
 """
 
 import json
