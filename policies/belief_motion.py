@@ -128,7 +128,7 @@ def advance_covariance(x, p, dt, params):
 
 @njit
 def advance(x, p, span, params):
-    steps = max(1, math.ceil(span / STEP))
+    steps = max(1, math.ceil(span / STEP - 1e-6))
     if span > 0.0:
         for _ in range(steps):
             advance_covariance(x, p, span / steps, params)

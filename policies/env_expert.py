@@ -91,9 +91,9 @@ class ExpertParams:
     w_smooth: float = 0.09
     local: float = 0.79
     flatten: float = 0.12
-    w_view: float = 0.0
+    w_view: float = 6.0
     blind: float = 0.5
-    glide: float = 0.0
+    glide: float = 0.5
 
     def row(self) -> np.ndarray:
         """The row for kernels."""
