@@ -99,15 +99,22 @@ def fly_all(grid: Grid, jobs: Sequence[Job], processes: int, code: Code) -> Iter
     """Fly in `processes` processes; results as they come.
 
     A KeyboardInterrupt ends the flights under way, closes their recordings and passes through. Raises CampaignError
-    if a process dies.
+    if a process dies. For the main thread.
     """
+    asked: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        asked.append(number)  # an exception out of a signal is lost if it meets a callback or a destructor
+        raise KeyboardInterrupt
+
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context, initializer=_begin)
+    before = signal.signal(signal.SIGINT, interrupt)
     try:
         waiting: list[Future[Result | None]] = [pool.submit(_fly, grid, job, code) for job in jobs]
         for done in as_completed(waiting):
             result = done.result()
-            if result is None:
+            if result is None or asked:
                 raise KeyboardInterrupt
             yield result
     except BrokenProcessPool:
@@ -116,6 +123,7 @@ def fly_all(grid: Grid, jobs: Sequence[Job], processes: int, code: Code) -> Iter
         ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+        signal.signal(signal.SIGINT, before)
 
 
 def _begin() -> None:
