@@ -58,3 +58,15 @@ class Node(Protocol):
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]: ...
 
     def close(self) -> None: ...
+
+
+def routes(nodes: Sequence[Node]) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
+    """Who reads each topic and whom it wakes, as indices into `nodes`."""
+    readers: dict[str, list[int]] = {}
+    wakes: dict[str, list[int]] = {}
+    for rank, node in enumerate(nodes):
+        for topic in node.inputs:
+            readers.setdefault(topic, []).append(rank)
+        for topic in node.wakes:
+            wakes.setdefault(topic, []).append(rank)
+    return readers, wakes

@@ -35,13 +35,13 @@ from policies.belief_motion import (
     REACCEPT_LOSS,
     SPEED0,
     SPEED_SIGMA,
-    STEP,
     TURN_SIGMA,
     VALID_AFTER,
     BeliefParams,
     N,
     advance,
     advance_state,
+    steps_in,
     wrap,
 )  # fmt: skip
 
@@ -211,7 +211,7 @@ def belief_predict(row, t, params, out):
     out[:] = row[B_X : B_X + N]
     span = t - row[B_T]
     if row[B_STREAK] > 0.0 and span > 0.0:
-        steps = max(1, math.ceil(span / STEP - 1e-6))
+        steps = steps_in(span)
         for _ in range(steps):
             advance_state(out, span / steps, params[ACCEL_TAU])
         out[3] = wrap(out[3])

@@ -127,8 +127,14 @@ def advance_covariance(x, p, dt, params):
 
 
 @njit
+def steps_in(span):
+    """Equal steps, none longer than STEP, that `span` s are cut into; rounding does not decide at whole multiples."""
+    return max(1, math.ceil(span / STEP - 1e-6))
+
+
+@njit
 def advance(x, p, span, params):
-    steps = max(1, math.ceil(span / STEP - 1e-6))
+    steps = steps_in(span)
     if span > 0.0:
         for _ in range(steps):
             advance_covariance(x, p, span / steps, params)

@@ -47,7 +47,7 @@ class Detection(NamedTuple):
 
 @dataclass(frozen=True)
 class Odometry:
-    """The vehicle's own estimate now (policies.fly.VehicleView)."""
+    """The vehicle's own estimate now (policies.odometry.VehicleView)."""
 
     stamp_ns: int
     position: Vec3

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from policies.fly import BoardView, Command, VehicleView
-from policies.odometry import NOW_DIM, odometry_now
+from policies.fly import BoardView, Command
+from policies.odometry import NOW_DIM, VehicleView, odometry_now
 from policies.planner import (
     E_AGE,
     E_SIGMA,

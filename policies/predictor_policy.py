@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from policies.fly import BoardView, Command, VehicleView
+from policies.fly import BoardView, Command
+from policies.odometry import VehicleView
 from policies.planner_params import PlannerParams
 from policies.planner_policy import PlannerPolicy
 from policies.prediction import STEP

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hil.mailbox import Letter
-from hil.node import Inbox, Node, Out
+from hil.node import Inbox, Node, Out, routes
 from hil.receipts import ReceiptBook
 
 LATE_NS = 2_000_000  # a step that begins this long after its deadline is late
@@ -69,13 +69,7 @@ class Seats:
             )
             for n in nodes
         ]  # fmt: skip
-        self._readers: dict[str, list[int]] = {}
-        self._wakes: dict[str, list[int]] = {}
-        for rank, node in enumerate(nodes):
-            for topic in node.inputs:
-                self._readers.setdefault(topic, []).append(rank)
-            for topic in node.wakes:
-                self._wakes.setdefault(topic, []).append(rank)
+        self._readers, self._wakes = routes(nodes)
         self._delayed: list[tuple[int, int, Out]] = []
         self._ticks: list[tuple[int, int]] = []
         self._serial = 0

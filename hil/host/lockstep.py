@@ -10,7 +10,7 @@ import heapq
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hil.node import Inbox, Node, Out
+from hil.node import Inbox, Node, Out, routes
 
 Tap = Callable[[int, str, Any], None]
 
@@ -31,13 +31,7 @@ class Lockstep:
     def __init__(self, nodes: Sequence[Node], clock: Clock, tap: Tap) -> None:
         self._nodes, self._clock, self._tap = nodes, clock, tap
         self._inboxes = [Inbox(node.inputs) for node in nodes]
-        self._readers: dict[str, list[int]] = {}
-        self._wakes: dict[str, list[int]] = {}
-        for rank, node in enumerate(nodes):
-            for topic in node.inputs:
-                self._readers.setdefault(topic, []).append(rank)
-            for topic in node.wakes:
-                self._wakes.setdefault(topic, []).append(rank)
+        self._readers, self._wakes = routes(nodes)
         # Queue entries: (time, rank, serial, out). out None is a tick of node `rank`; a message's rank is that of its
         # publisher, so it reaches readers before any later node of the same instant steps.
         self._queue: list[tuple[int, int, int, Out | None]] = []
