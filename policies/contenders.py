@@ -11,7 +11,7 @@ import numpy as np
 from policies.contract import check_contract, open_policy
 from policies.env import Env
 from policies.env_config import EnvConfig
-from policies.env_planner import PlannerInEnv
+from policies.env_planner import ANALYTIC, LEARNED, PlannerInEnv
 from policies.env_teacher import Teacher
 from policies.evaluate import Policy
 
@@ -70,7 +70,7 @@ def open_contender(name: str) -> Contender:
     if name == "expert":
         return Contender(name, Expert(), "vision")
     if name in NAMES:
-        return Contender(name, PlannerInEnv(learned=name == "planner"), "vision")
+        return Contender(name, PlannerInEnv(LEARNED if name == "planner" else ANALYTIC), "vision")
     if Path(name).suffix != ".onnx":
         near = difflib.get_close_matches(name, NAMES, 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""

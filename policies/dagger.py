@@ -1,4 +1,4 @@
-"""Imitation of an expert with perfect foresight on the states the student itself visits (Ross, Gordon, Bagnell 2011).
+"""Imitation of a teacher with perfect foresight on the states the student itself visits (Ross, Gordon, Bagnell 2011).
 
 The teacher knows the board's future and the thrust gain; the student sees a history. What the student cannot know it
 averages, so labels must depend on the present state alone: nothing is learnt in the last moment before the teacher's
@@ -22,6 +22,7 @@ from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import EnvConfig
 from policies.env_expert import ExpertParams
+from policies.env_planner import PlannerTeacher
 from policies.env_teacher import Teacher
 from policies.network import FORESEEN, Actor, NetworkConfig
 from policies.observation import NEWEST, OBS_DIM
@@ -36,7 +37,8 @@ class DaggerConfig:
     `teacher_floor` over `teacher_fade` samples. `noise`: one-sigma added to the student's actions while collecting.
     `near`: extra weight of a sample close to the board. `ignore`: s before the teacher's contact without labels.
     `foresee`: weight of the auxiliary loss that makes the trunk foretell where the board will be. `average`: decay of
-    the averaged weights, which are what flies. `teacher`: how it plans."""
+    the averaged weights, which are what flies. `teacher`: how the expert plans; `watchful`: the planner teaches in its
+    place, which knows the future as well, but commits only when what the camera has shown would do."""
 
     samples: int = 8_000_000
     horizon: int = 32
@@ -53,6 +55,7 @@ class DaggerConfig:
     foresee: float = 0.1
     huber: float = 0.1
     average: float = 0.995
+    watchful: bool = False
     teacher: ExpertParams = field(default_factory=ExpertParams)
 
 
@@ -109,7 +112,7 @@ class Dagger:
         self.rng = np.random.default_rng([env.seed, 1])
         self.env = Env(env)
         self.env.reset()
-        self.teacher = Teacher(self.env, config.teacher)
+        self.teacher = PlannerTeacher(self.env) if config.watchful else Teacher(self.env, config.teacher)
         self.replay = Replay(min(config.replay, config.samples))
         self.samples = 0
 

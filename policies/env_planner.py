@@ -1,7 +1,9 @@
-"""The planners as contenders in the training environment: flown on the rows that a network's observation is built from.
+"""The planners in the training environment: flown on the rows that a network's observation is built from.
 
-They get what a flight would give them: the belief filter (or, in the state stage, the true board now and its past),
-the vehicle's own estimate with odometry noise, and the thrust they asked for. Never the future.
+As contenders they get what a flight would give them: the belief filter (or, in the state stage, the true board now and
+its past), the vehicle's own estimate with odometry noise, and the thrust they asked for. As a teacher the planner is
+told where the board is and will be, but it still waits to commit until the belief is good: what it imparts is to watch
+first, which an expert who needs no camera never shows.
 """
 
 from __future__ import annotations
@@ -9,19 +11,27 @@ from __future__ import annotations
 import numpy as np
 
 from kernel import njit, prange
-from policies.env import Env
+from policies.env import Env, fill_future
 from policies.env_config import C_VISION, TICK
 from policies.env_rows import S_COMMAND, S_STEP, X_P, X_Q, X_V
 from policies.observation import action_from_command
 from policies.planner import (
+    COMMIT,
+    E_SURPRISE,
+    E_VALID,
     ESTIMATE_DIM,
     PLANNER_DIM,
     S_ASKED,
+    S_CONTACT,
     S_GAIN,
+    S_PHASE,
+    TERMINAL,
     certain,
     estimate_from_belief,
+    planner_due,
     planner_on_estimate,
     planner_reset,
+    planner_step,
 )
 from policies.planner_policy import planner_params
 from policies.prediction import HORIZON, STEP
@@ -29,7 +39,9 @@ from policies.predictor import SCRATCH_DIM, load_predictor
 from policies.predictor_planner import MEMORY_DIM, planner_on_learned
 from policies.thrust_gain import GAIN_DIM
 
-_LAG = 5  # control steps over which the state stage's acceleration is taken
+_TICKS = round(STEP / TICK)
+_LAG = 5  # control steps over which the true board's acceleration is taken
+ANALYTIC, LEARNED, FORESEEN = 0, 1, 2  # where the future comes from
 
 # Slices of a work row.
 _BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
@@ -37,24 +49,27 @@ _WORK_DIM = _COMMAND + 4
 
 
 @njit
-def _board_now(rows, i, shared, now, x, covariance, estimate):
+def _board_now(rows, i, shared, now, foreseen, x, covariance, estimate):
     """What is known of the board: state and acceleration into `x` (8,), how well into `estimate`."""
     if shared.config[C_VISION] > 0.0:
         estimate_from_belief(rows.belief[i], now, shared.belief, x, covariance, estimate)
-        return
-    certain(estimate)
+        if not foreseen:
+            return
+        estimate[E_VALID], estimate[E_SURPRISE] = 1.0, 0.0
+    else:
+        certain(estimate)
     step = int(rows.state[i, S_STEP])
-    x[:] = rows.believed[i]
+    x[:] = rows.track[i, step]
     lag = min(_LAG, step)
     x[7] = (rows.track[i, step, 4] - rows.track[i, step - lag, 4]) / (lag * TICK) if lag > 0 else 0.0
 
 
 @njit
-def plan_row(rows, i, shared, fresh, learned, state, memory, work, future, scratch, params, net, out):
+def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratch, params, net, out):
     """The planner's action for row i now, into `out` (4,) in [-1, 1]; `fresh`: an episode begins.
 
     `state` (PLANNER_DIM,), `memory` (predictor_planner.MEMORY_DIM,) are the row's planner; `work`, `future`
-    ((HORIZON, 8)), `scratch` are scratch. `learned`: the future comes from `net`, else from the analytic prediction.
+    ((HORIZON, 8)), `scratch` are scratch. `source`: where the future comes from.
     """
     now = rows.state[i, S_STEP] * TICK
     if fresh:
@@ -64,9 +79,13 @@ def plan_row(rows, i, shared, fresh, learned, state, memory, work, future, scrat
         state[S_ASKED] = rows.state[i, S_COMMAND + 3]
     x, estimate = work[_BOARD : _BOARD + 8], work[_ESTIMATE : _ESTIMATE + ESTIMATE_DIM]
     command, own = work[_COMMAND : _COMMAND + 4], rows.scratch[i]
-    _board_now(rows, i, shared, now, x, work[_COVARIANCE : _COVARIANCE + 64], estimate)
+    _board_now(rows, i, shared, now, source == FORESEEN, x, work[_COVARIANCE : _COVARIANCE + 64], estimate)
     p, v, q = own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4]
-    if learned:
+    if source == FORESEEN:
+        if planner_due(state, now):
+            fill_future(rows, i, _TICKS, future)
+        planner_step(state, now, p, v, q, x, estimate, future, STEP, params, command)
+    elif source == LEARNED:
         planner_on_learned(state, memory, now, p, v, q, x, estimate, future, STEP, params, net, scratch, command)
     else:
         planner_on_estimate(state, now, p, v, q, x, estimate, future, STEP, params, command)
@@ -74,11 +93,11 @@ def plan_row(rows, i, shared, fresh, learned, state, memory, work, future, scrat
 
 
 @njit(parallel=True)
-def plan_rows(rows, shared, fresh, learned, states, memories, works, futures, scratches, params, net, out):
+def plan_rows(rows, shared, fresh, source, states, memories, works, futures, scratches, params, net, out):
     """`plan_row` for every row."""
     for i in prange(rows.done.shape[0]):
         plan_row(
-            rows, i, shared, fresh[i] != 0, learned, states[i], memories[i], works[i], futures[i], scratches[i],
+            rows, i, shared, fresh[i] != 0, source, states[i], memories[i], works[i], futures[i], scratches[i],
             params, net, out[i],
         )  # fmt: skip
 
@@ -86,27 +105,53 @@ def plan_rows(rows, shared, fresh, learned, states, memories, works, futures, sc
 class PlannerInEnv:
     """A planner as an `evaluate.Policy`; call it once a step. A new environment starts it anew."""
 
-    def __init__(self, learned: bool = True) -> None:
-        """`learned`: with the motion predictor's network. Raises what `predictor.load_predictor` raises."""
-        self._learned = learned
-        self._net = load_predictor() if learned else np.zeros(0, dtype=np.float32)
+    def __init__(self, source: int = LEARNED) -> None:
+        """`source` of the future. Raises what `predictor.load_predictor` raises."""
+        self._source = source
+        self._net = load_predictor() if source == LEARNED else np.zeros(0, dtype=np.float32)
         self._env: Env | None = None
 
     def __call__(self, env: Env) -> np.ndarray:
         """Actions ((N, 4) in [-1, 1], overwritten by the next call)."""
-        fresh = env.rows.done
         if env is not self._env:
-            self._begin(env)
-            fresh = np.ones_like(fresh)
+            self.begin(env)
+        fresh, self.first = np.ones_like(env.rows.done) if self.first else env.rows.done, False
         plan_rows(
-            env.rows, env.shared, fresh, self._learned, self._states, self._memories, self._works, self._futures,
+            env.rows, env.shared, fresh, self._source, self.states, self._memories, self._works, self._futures,
             self._scratches, self._params, self._net, self._out,
         )  # fmt: skip
         return self._out
 
-    def _begin(self, env: Env) -> None:
+    def begin(self, env: Env) -> None:
+        """Make a planner for every row, whose first call will start it."""
+        self.first = True
         n = env.config.count
         self._env, self._params = env, planner_params(env.airframe).row()
-        self._states, self._memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, MEMORY_DIM))
+        self.states, self._memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, MEMORY_DIM))
         self._works, self._futures = np.zeros((n, _WORK_DIM)), np.zeros((n, HORIZON, 8))
         self._scratches, self._out = np.zeros((n, SCRATCH_DIM), dtype=np.float32), np.zeros((n, 4))
+
+
+class PlannerTeacher:
+    """The planner that knows the future, as labels for every row, whoever is flying; see `env_teacher.Teacher`."""
+
+    def __init__(self, env: Env) -> None:
+        self._env, self._planner = env, PlannerInEnv(FORESEEN)
+        self._planner.begin(env)
+        self.remaining = np.full(env.config.count, np.inf)
+
+    def state(self) -> dict:
+        """The planners, for a checkpoint."""
+        return {"states": self._planner.states.copy()}
+
+    def load(self, state: dict) -> None:
+        """Inverse of `state`."""
+        self._planner.states[:], self._planner.first = state["states"], False
+
+    def act(self) -> np.ndarray:
+        """The actions ((N, 4) in [-1, 1], overwritten by the next call); `remaining` gets the s to each contact."""
+        actions, states = self._planner(self._env), self._planner.states
+        bound = np.isin(states[:, S_PHASE], (COMMIT, TERMINAL))
+        left = states[:, S_CONTACT] - self._env.rows.state[:, S_STEP] * TICK
+        self.remaining[:] = np.where(bound, left, np.inf)
+        return actions

@@ -17,9 +17,9 @@ import numpy as np
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
-    TOUCH_LAG, RUN_SWING,
-) = range(82)  # fmt: skip
-COUNT = 82
+    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING,
+) = range(83)  # fmt: skip
+COUNT = 83
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -44,6 +44,7 @@ STEEP: dict[str, float] = {
     "skid": 0.0,
     "flatten": 0.0,
     "overshoot": 0.0,
+    "overshoot_swing": 0.017,
     "blind": 0.52,
     "follow_kv": 6.0,
     "t_min": 0.64,
@@ -66,11 +67,12 @@ class PlannerParams:
     view, vertical; `robot_l`, `robot_r` the disc of the contact criterion.
     Contact: `impact_speed` into the board along its normal and `skid` up its slope (tried beside 0) are planned. The
     plan ends `overshoot` behind the surface, so that a small error along the normal makes contact early rather than
-    never. `flatten` 0..1: on a flat board this share of the terminal jerk (and with it of the last body rate) is taken
-    away, from 60 deg on none. In the last `touch_from` s thrust is chosen for the contact that it leads to: speed into
-    the board `touch_speed` within `touch_band`, speed along it within `touch_skid`, no more than `touch_early` or
-    `touch_late` s off the plan; `touch_keep` weighs the change of thrust, which comes
-    `touch_lag` s late.
+    never; a board whose speed changes is foretold worse, and late is worse than early where gravity pulls along the
+    slope: `overshoot_swing` (s^2) times its acceleration comes on top. `flatten` 0..1: on a flat board this share of
+    the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. In the last `touch_from` s
+    thrust is chosen for the contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed
+    along it within `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the
+    change of thrust, which comes `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s; the board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A plan is started
     below `commit_cost` / cos(inclination) and given up above `abort_cost` or if nothing was seen for `lost_age`.
@@ -170,6 +172,7 @@ class PlannerParams:
     touch_keep: float = 0.01
     touch_lag: float = 0.02
     run_swing: float = 0.14
+    overshoot_swing: float = 0.0
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -32,10 +32,11 @@ def board_normal(platform):
 def fit_perch(start, platform, duration, thrust, skid, params, motion):
     """Fit `motion` ((MOTION_DIM,)) from `start` ((9,): position, velocity, acceleration) to the board at contact.
 
-    `thrust` (m/s^2) and `skid` (m/s, up the slope, relative to the board) at contact.
+    `platform` (8,): the board at contact, its last entry its acceleration (m/s^2). `thrust` (m/s^2) and `skid` (m/s, up
+    the slope, relative to the board) at contact.
     """
     nx, ny, nz = board_normal(platform)
-    offset = params[pp.ROBOT_L] - params[pp.OVERSHOOT]
+    offset = params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * abs(platform[7])
     into, flat = params[pp.IMPACT_SPEED], params[pp.FLATTEN] * max(0.0, 2.0 * nz - 1.0)
     ch, sh = math.cos(platform[3]), math.sin(platform[3])
     vx = (platform[4] + skid * nz) * ch - into * nx
@@ -124,7 +125,9 @@ def search(
             base += params[pp.W_POSTPONE] * max(0.0, duration - remaining)
         if base >= least:
             continue
+        platform_at(future, step, offset + duration + step, platform)
         platform_at(future, step, offset + duration, target)
+        target[7] = (platform[4] - target[4]) / step
         for j in range(2 * THRUSTS):
             thrust = params[pp.F_MIN] + (params[pp.F_MAX] - params[pp.F_MIN]) * (j // 2) / (THRUSTS - 1)
             skid = params[pp.SKID] if j % 2 == 1 else 0.0

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
+from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import TICK, EnvConfig
-from policies.env_planner import PlannerInEnv
+from policies.env_planner import ANALYTIC, LEARNED, PlannerInEnv, PlannerTeacher
 from policies.env_rows import S_STEP, X_P, X_Q, X_V
 from policies.observation import action_from_command
 from policies.planner_policy import PlannerPolicy
@@ -38,13 +39,13 @@ def views(env):
     return now_ns, vehicle, board
 
 
-@pytest.mark.parametrize(("learned", "flying"), [(True, LearnedPlannerPolicy), (False, PlannerPolicy)])
-def test_one_episode_gets_the_flight_s_commands(learned, flying):
+@pytest.mark.parametrize(("source", "flying"), [(LEARNED, LearnedPlannerPolicy), (ANALYTIC, PlannerPolicy)])
+def test_one_episode_gets_the_flight_s_commands(source, flying):
     env = Env(EnvConfig(stage="vision", count=1, seed=3, inclination_deg=(20.0, 40.0), speed=(1.0, 1.5)))
     env.reset()
     gain_reset(env.rows.gain[0], GRAVITY)  # a flight's planner begins without having hovered
     assert env.rows.gain.shape == (1, GAIN_DIM)
-    planner, pilot, wanted = PlannerInEnv(learned), flying(env.airframe), np.zeros(4)
+    planner, pilot, wanted = PlannerInEnv(source), flying(env.airframe), np.zeros(4)
     pilot.reset(0)
     flown = 0
     while flown < 150:
@@ -70,3 +71,26 @@ def test_an_episode_s_end_and_a_new_environment_start_it_anew():
             env.step(planner(env))
             ran[-1].append(planner(env).copy())
     assert np.array_equal(ran[0], ran[1])
+
+
+def test_as_a_teacher_it_waits_for_the_camera_and_then_knows_the_future():
+    def ended(teach):
+        env = Env(EnvConfig(stage="vision", count=24, seed=9, inclination_deg=(55.0, 60.0), speed=(0.8, 1.2)))
+        env.reset()
+        teacher, planner = PlannerTeacher(env), PlannerInEnv()
+        while len(env.tally.rows) < 24:
+            env.step(teacher.act() if teach else planner(env))
+        return (env.tally.rows[:, OUTCOME] == SUCCESS).mean()
+
+    assert ended(teach=True) > 0.9 > ended(teach=False)
+
+
+def test_a_teacher_goes_on_from_its_checkpoint():
+    env = Env(EnvConfig(stage="vision", count=4, seed=5))
+    env.reset()
+    first, second = PlannerTeacher(env), PlannerTeacher(env)
+    for _ in range(60):
+        env.step(first.act())
+    second.load(first.state())
+    assert np.array_equal(first.act().copy(), second.act())
+    assert np.array_equal(first.remaining, second.remaining)
