@@ -17,9 +17,9 @@ import numpy as np
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
-    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING,
-) = range(83)  # fmt: skip
-COUNT = 83
+    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS,
+) = range(85)  # fmt: skip
+COUNT = 85
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -44,7 +44,8 @@ STEEP: dict[str, float] = {
     "skid": 0.0,
     "flatten": 0.0,
     "overshoot": 0.0,
-    "overshoot_swing": 0.017,
+    "overshoot_swing": 0.025,
+    "aim": 0.7,
     "blind": 0.52,
     "follow_kv": 6.0,
     "t_min": 0.64,
@@ -173,6 +174,8 @@ class PlannerParams:
     touch_lag: float = 0.02
     run_swing: float = 0.14
     overshoot_swing: float = 0.0
+    aim: float = 0.0
+    miss: float = 0.1
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

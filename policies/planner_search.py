@@ -17,6 +17,7 @@ SAMPLES = 14
 THRUSTS = 5
 _REACH = 0.6  # m, clearance over the board's plane is asked only this near to the board
 _GROUND = 0.35  # m
+_STEADY = 0.5  # m/s^2, accelerations foretold for a board that keeps its speed
 _C = poly.COEFFICIENTS
 MOTION_DIM = 3 * _C
 
@@ -29,6 +30,24 @@ def board_normal(platform):
 
 
 @njit
+def _drift(start, platform, vx, vy, ax, ay, duration, params):
+    """How far beside the board's centre (m, to its left) a perch in `duration` s may end.
+
+    Late corrections across the board tilt the drone when it has to turn up, and the board is wide: the nearer contact
+    is, the more the motion ends where the drone drifts to anyway, by up to MISS. `vx`..`ay`: the motion's end.
+    """
+    free = min(1.0, max(0.0, 2.0 - 2.0 * duration / max(params[pp.AIM], 1e-6)))
+    if free <= 0.0:
+        return 0.0
+    ch, sh = math.cos(platform[3]), math.sin(platform[3])
+    mean_x, mean_y = 0.5 * duration * (start[3] + vx), 0.5 * duration * (start[4] + vy)
+    swing = duration * duration / 12.0
+    dx = start[0] + mean_x + swing * (start[6] - ax) - platform[0]
+    dy = start[1] + mean_y + swing * (start[7] - ay) - platform[1]
+    return free * min(params[pp.MISS], max(-params[pp.MISS], dy * ch - dx * sh))
+
+
+@njit
 def fit_perch(start, platform, duration, thrust, skid, params, motion):
     """Fit `motion` ((MOTION_DIM,)) from `start` ((9,): position, velocity, acceleration) to the board at contact.
 
@@ -36,7 +55,7 @@ def fit_perch(start, platform, duration, thrust, skid, params, motion):
     the slope, relative to the board) at contact.
     """
     nx, ny, nz = board_normal(platform)
-    offset = params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * abs(platform[7])
+    offset = params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * max(0.0, abs(platform[7]) - _STEADY)
     into, flat = params[pp.IMPACT_SPEED], params[pp.FLATTEN] * max(0.0, 2.0 * nz - 1.0)
     ch, sh = math.cos(platform[3]), math.sin(platform[3])
     vx = (platform[4] + skid * nz) * ch - into * nx
@@ -44,8 +63,10 @@ def fit_perch(start, platform, duration, thrust, skid, params, motion):
     vz = skid * math.sin(platform[6]) - into * nz
     drag = params[pp.DRAG]
     fx, fy, fz = thrust * nx - drag * vx, thrust * ny - drag * vy, thrust * nz - drag * vz - params[pp.GRAVITY]
-    poly.fit_axis(start[0], start[3], start[6], platform[0] + offset * nx, vx, fx, duration, flat, motion, 0)
-    poly.fit_axis(start[1], start[4], start[7], platform[1] + offset * ny, vy, fy, duration, flat, motion, _C)
+    aside = _drift(start, platform, vx, vy, fx, fy, duration, params)
+    x, y = platform[0] + offset * nx - aside * sh, platform[1] + offset * ny + aside * ch
+    poly.fit_axis(start[0], start[3], start[6], x, vx, fx, duration, flat, motion, 0)
+    poly.fit_axis(start[1], start[4], start[7], y, vy, fy, duration, flat, motion, _C)
     poly.fit_axis(start[2], start[5], start[8], platform[2] + offset * nz, vz, fz, duration, flat, motion, 2 * _C)
 
 

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from hil.soak import SAMPLE_S, Diary, Sample, judge, stretched
+from hil.soak import SAMPLE_S, Diary, Sample, judge, judge_shared, stretched
 from scenarios.spec import list_scenarios, load
 from scenarios.toml_errors import ConfigError
 
@@ -44,10 +44,20 @@ def test_too_short_a_run_is_no_verdict():
     assert judge("brain", samples(12)).faults == ("too short to tell",)
 
 
+def test_files_in_shared_memory_must_not_grow():
+    def counted(count):
+        return [(number * SAMPLE_S, count(number)) for number in range(60)]
+
+    assert judge_shared(counted(lambda number: 3 if number < 5 else 17)) == []
+    (verdict,) = judge_shared(counted(lambda number: 17 + number // 30))
+    assert verdict.faults == ("files in shared memory grew from 17 to 18",)
+
+
 def test_the_diary_looks_now_and_then_and_counts_missed_steps_as_late():
     diary = Diary()
     table = {
         "own_kb": 5,
+        "memory": ["1.zenoh", "2.zenoh"],
         "nodes": {"a": {"steps": 10, "late": 1, "missed": 2}, "b": {"steps": 5, "late": 0, "missed": 0}},
     }
     diary.look({"brain": table}, 0.0)
