@@ -17,9 +17,9 @@ import numpy as np
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
-    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS,
-) = range(85)  # fmt: skip
-COUNT = 85
+    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST,
+) = range(86)  # fmt: skip
+COUNT = 86
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -46,6 +46,7 @@ STEEP: dict[str, float] = {
     "overshoot": 0.0,
     "overshoot_swing": 0.025,
     "aim": 0.7,
+    "predict_trust": 0.6,
     "blind": 0.52,
     "follow_kv": 6.0,
     "t_min": 0.64,
@@ -53,7 +54,7 @@ STEEP: dict[str, float] = {
     "standoff": 2.4,
     "commit_speed_sigma": 0.25,
     "commit_age": 0.15,
-    "lost_age": 0.9,
+    "lost_age": 1.05,
     "elevation": 0.244,
     "run_coast": 0.35,
 }
@@ -70,14 +71,17 @@ class PlannerParams:
     plan ends `overshoot` behind the surface, so that a small error along the normal makes contact early rather than
     never; a board whose speed changes is foretold worse, and late is worse than early where gravity pulls along the
     slope: `overshoot_swing` (s^2) times its acceleration comes on top. `flatten` 0..1: on a flat board this share of
-    the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. In the last `touch_from` s
-    thrust is chosen for the contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed
-    along it within `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the
-    change of thrust, which comes `touch_lag` s late.
+    the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. Less than `aim` s
+    before contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s thrust is chosen for
+    the contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed along it within
+    `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the change of thrust,
+    which comes `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s; the board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A plan is started
     below `commit_cost` / cos(inclination) and given up above `abort_cost` or if nothing was seen for `lost_age`.
-    `predict_tau`: decay of the board's acceleration in the prediction, `filter_tau` in the belief filter.
+    `predict_tau`: decay of the board's acceleration in the prediction, `filter_tau` in the belief filter;
+    `predict_trust` 0..1 in the motion predictor's network. Where a board slows down the network goes on slowing it and
+    the decaying acceleration stops too soon: on steep boards, where timing is all, the truth is between.
     Commit: the believed position and speed must be known to `commit_sigma`, `commit_speed_sigma`, the last exposure be
     younger than `commit_age`, `commit_streak` detections be accepted, and the newest speeds have been foretold to
     `commit_surprise` m/s; the demands relax by 1 every `relax_after` s (that on
@@ -176,6 +180,7 @@ class PlannerParams:
     overshoot_swing: float = 0.0
     aim: float = 0.0
     miss: float = 0.1
+    predict_trust: float = 1.0
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

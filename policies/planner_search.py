@@ -55,7 +55,9 @@ def fit_perch(start, platform, duration, thrust, skid, params, motion):
     the slope, relative to the board) at contact.
     """
     nx, ny, nz = board_normal(platform)
-    offset = params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * max(0.0, abs(platform[7]) - _STEADY)
+    offset = (
+        params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * max(0.0, abs(platform[7]) - _STEADY)
+    )
     into, flat = params[pp.IMPACT_SPEED], params[pp.FLATTEN] * max(0.0, 2.0 * nz - 1.0)
     ch, sh = math.cos(platform[3]), math.sin(platform[3])
     vx = (platform[4] + skid * nz) * ch - into * nx

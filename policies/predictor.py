@@ -193,14 +193,15 @@ def integrate_rows(step, out):
 
 
 @njit
-def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, scratch, future):
+def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, scratch, most, future):
     """Bend `future` ((R, 8), already filled by an analytic prediction of `x`) to what the network expects.
 
     `history` row; `t` s; `x` (8,): platform row now, last entry acceleration; `sigma`, `speed_sigma`, `age`, `streak`
-    as in an estimate row; `net` (NET_DIM,), `scratch` (SCRATCH_DIM,) float32. Returns (trust 0..1, expected rms error
-    of the speed over the next 0.7 s, m/s); at trust 0 `future` is left alone and the error is meaningless.
+    as in an estimate row; `net` (NET_DIM,), `scratch` (SCRATCH_DIM,) float32; `most` 0..1: how far it is trusted if
+    all else is well. Returns (trust, expected rms error of the speed over the next 0.7 s, m/s); at trust 0 `future` is left
+    alone and the error is meaningless.
     """
-    trust = predictor_gate(net, history, age)
+    trust = most * predictor_gate(net, history, age)
     if trust <= 0.0:
         return 0.0, 0.0
     predictor_inputs(history, t, x, sigma, speed_sigma, age, streak, scratch)

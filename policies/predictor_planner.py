@@ -59,16 +59,21 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
             coast_future(coast, t, step, future)
     else:
         fit[F_SINCE] = t - history[H_TIME]
+        east, north, speed = x[0], x[1], x[4]
         carry_swing(x, fit, age, limits[pp.FILTER_TAU])
         if due:
             predict_swing(x, fit, tau, step, future)
             if learned:
+                # The network was taught on the filter's own belief, and makes up for its lag by itself.
+                carried_east, carried_north, carried = x[0], x[1], x[4]
+                x[0], x[1], x[4] = east, north, speed
                 trust, surprise = predict_learned(
                     memory[:_COAST], t, x, estimate[E_SIGMA], estimate[E_SPEED_SIGMA], age, estimate[E_STREAK], step,
-                    net, scratch, future,
+                    net, scratch, limits[pp.PREDICT_TRUST], future,
                 )  # fmt: skip
                 estimate[E_SURPRISE] += net[G_DOUBT] * trust * (surprise - estimate[E_SURPRISE])
                 coast_keep(coast, t, age, future)
+                x[0], x[1], x[4] = carried_east, carried_north, carried
     return planner_step(state, t, p, v, q, x, estimate, future, step, params, out)
 
 

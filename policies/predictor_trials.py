@@ -157,7 +157,7 @@ def _judge(truths, noise, scale, losses, rngs, bparams, cam, tau, net, errors, k
                     predict_swing(x, fit, tau, STEP, future)
                     if m == 3:
                         c = contexts[j]
-                        pd.predict_learned(history, t, x, c[3], c[4], c[5], c[6], STEP, net, scratch, future)
+                        pd.predict_learned(history, t, x, c[3], c[4], c[5], c[6], STEP, net, scratch, 1.0, future)
                 for n in range(4):
                     row, true = future[10 * (n + 1)], truths[i, tick + 50 * (n + 1)]
                     errors[i, j, m, n] = math.sqrt((row[0] - true[0]) ** 2 + (row[1] - true[1]) ** 2)

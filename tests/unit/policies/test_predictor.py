@@ -29,7 +29,7 @@ def random_net(seed=0, gate=(0.3, 0.7, 0.8, 1.6, 0.0), gain=0.05):
 def predict(net, history, row, t, age=0.05):
     future, scratch = np.zeros((HORIZON, 8)), np.zeros(pd.SCRATCH_DIM, np.float32)
     predict_future(row, CTRV, 0.5, STEP, future)
-    found = pd.predict_learned(history, t, row, 0.01, 0.1, age, 40.0, STEP, net, scratch, future)
+    found = pd.predict_learned(history, t, row, 0.01, 0.1, age, 40.0, STEP, net, scratch, 1.0, future)
     return future, found
 
 

@@ -51,7 +51,7 @@ def test_kernel_and_torch_agree(examples):
     for k in range(400):
         pd.predictor_push(history, 0.01 * k, state + 0.01 * k * np.array([1.6, 0.1, 0, 0, 0, 0, 0, 0]), 0.05)
     predict_future(state, CTRV, 0.5, STEP, future)
-    pd.predict_learned(history, 4.0, state, 0.01, 0.1, 0.05, 40.0, STEP, row, scratch, future)
+    pd.predict_learned(history, 4.0, state, 0.01, 0.1, 0.05, 40.0, STEP, row, scratch, 1.0, future)
     with torch.no_grad():
         outputs = network(torch.from_numpy(scratch[: pd.INPUTS][None].copy())).numpy()[0]
         pd.predictor_network(row, scratch)
