@@ -198,8 +198,8 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
 
     `history` row; `t` s; `x` (8,): platform row now, last entry acceleration; `sigma`, `speed_sigma`, `age`, `streak`
     as in an estimate row; `net` (NET_DIM,), `scratch` (SCRATCH_DIM,) float32; `most` 0..1: how far it is trusted if
-    all else is well. Returns (trust, expected rms error of the speed over the next 0.7 s, m/s); at trust 0 `future` is left
-    alone and the error is meaningless.
+    all else is well. Returns (trust, expected rms error of the speed over the next 0.7 s, m/s); at trust 0 `future` is
+    left alone and the error is meaningless.
     """
     trust = most * predictor_gate(net, history, age)
     if trust <= 0.0:
