@@ -8,6 +8,8 @@ first, which an expert who needs no camera never shows.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from kernel import njit, prange
@@ -42,6 +44,9 @@ from policies.thrust_gain import GAIN_DIM
 _TICKS = round(STEP / TICK)
 _LAG = 5  # control steps over which the true board's acceleration is taken
 ANALYTIC, LEARNED, FORESEEN = 0, 1, 2  # where the future comes from
+
+# A student follows less exactly than it is shown: a teacher who waits for an exact standoff would let it wait for ever.
+_READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0}
 
 # Slices of a work row.
 _BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
@@ -105,9 +110,9 @@ def plan_rows(rows, shared, fresh, source, states, memories, works, futures, scr
 class PlannerInEnv:
     """A planner as an `evaluate.Policy`; call it once a step. A new environment starts it anew."""
 
-    def __init__(self, source: int = LEARNED) -> None:
-        """`source` of the future. Raises what `predictor.load_predictor` raises."""
-        self._source = source
+    def __init__(self, source: int = LEARNED, **changes: float) -> None:
+        """`source` of the future; `changes` of PlannerParams. Raises what `predictor.load_predictor` raises."""
+        self._source, self._changes = source, changes
         self._net = load_predictor() if source == LEARNED else np.zeros(0, dtype=np.float32)
         self._env: Env | None = None
 
@@ -126,7 +131,7 @@ class PlannerInEnv:
         """Make a planner for every row, whose first call will start it."""
         self.first = True
         n = env.config.count
-        self._env, self._params = env, planner_params(env.airframe).row()
+        self._env, self._params = env, replace(planner_params(env.airframe), **self._changes).row()
         self.states, self._memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, MEMORY_DIM))
         self._works, self._futures = np.zeros((n, _WORK_DIM)), np.zeros((n, HORIZON, 8))
         self._scratches, self._out = np.zeros((n, SCRATCH_DIM), dtype=np.float32), np.zeros((n, 4))
@@ -136,7 +141,7 @@ class PlannerTeacher:
     """The planner that knows the future, as labels for every row, whoever is flying; see `env_teacher.Teacher`."""
 
     def __init__(self, env: Env) -> None:
-        self._env, self._planner = env, PlannerInEnv(FORESEEN)
+        self._env, self._planner = env, PlannerInEnv(FORESEEN, **_READILY)
         self._planner.begin(env)
         self.remaining = np.full(env.config.count, np.inf)
 

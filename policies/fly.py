@@ -58,7 +58,13 @@ class Command(NamedTuple):
 
 
 class FlyingPolicy(Protocol):
-    """Anything that turns belief and odometry into commands, at 100 Hz."""
+    """Anything that turns belief and odometry into commands, at 100 Hz.
+
+    `between_ticks`: it may be stepped at other times too, as soon as a picture has told something new.
+    """
+
+    @property
+    def between_ticks(self) -> bool: ...
 
     def reset(self, now_ns: int) -> None: ...
 
@@ -67,6 +73,8 @@ class FlyingPolicy(Protocol):
 
 class OnnxPolicy:
     """A trained network; it waits, not engaged, until the belief is valid, then flies to the end."""
+
+    between_ticks = False  # its history is one entry a tick
 
     def __init__(self, path: str | Path, airframe: Airframe, camera: CameraContract | None = None) -> None:
         """Raises ContractError if the file is missing, corrupt or made for something else."""

@@ -1,8 +1,8 @@
-"""The belief filter: detections in, the board predicted to now out, at the control rate."""
+"""The belief filter: detections in, the board predicted to now out, at the control rate and after each detection."""
 
 from __future__ import annotations
 
-from hil.messages import Belief, Detection
+from hil.messages import Belief
 from hil.node import Inbox, Out
 from policies.belief import BoardFilter
 
@@ -13,24 +13,25 @@ class BeliefNode:
     name = "belief"
     inputs = ("board/detection", "vehicle/odometry")
     outputs = ("belief",)
-    wakes = ("vehicle/odometry",)
+    wakes = ("vehicle/odometry", "board/detection")
     period_ns = 0
 
     def __init__(self, board_filter: BoardFilter) -> None:
         self._filter = board_filter
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
-        for detection in inbox.new("board/detection"):
-            self._update(detection)
-        if not inbox.new("vehicle/odometry"):
+        seen = [detection for detection in inbox.new("board/detection") if detection.found]
+        for detection in seen:
+            self._filter.update(
+                detection.stamp_ns,
+                detection.position,
+                detection.orientation,
+                detection.position_sigma,
+                detection.orientation_sigma,
+            )
+        if inbox.latest("vehicle/odometry") is None or not (seen or inbox.new("vehicle/odometry")):
             return []
         return [Out("belief", Belief(*self._filter.estimate(now_ns)))]
-
-    def _update(self, seen: Detection) -> None:
-        if seen.found:
-            self._filter.update(
-                seen.stamp_ns, seen.position, seen.orientation, seen.position_sigma, seen.orientation_sigma
-            )
 
     def close(self) -> None:
         pass

@@ -29,12 +29,21 @@ def step(node, now_ns, *detections, tick=True):
     return [out.message for out in node.step(now_ns, filled(node, *messages))]
 
 
-def test_it_speaks_once_per_odometry_and_only_then():
+def test_it_speaks_at_each_odometry_and_as_soon_as_something_was_seen():
     node = BeliefNode(BoardFilter())
-    assert node.wakes == ("vehicle/odometry",)
-    assert step(node, 0, detection(0), tick=False) == []
+    assert set(node.wakes) == set(node.inputs)
+    assert step(node, 0, detection(0), tick=False) == []  # nobody flies yet
     (belief,) = step(node, 10 * MS)
     assert (belief.stamp_ns, belief.accepted) == (10 * MS, 1)
+    inbox = filled(node, ("vehicle/odometry", odometry(20 * MS)))
+    node.step(20 * MS, inbox)
+    inbox.clear()
+    inbox.put("board/detection", detection(15 * MS))
+    (out,) = node.step(26 * MS, inbox)
+    assert (out.message.stamp_ns, out.message.last_exposure_ns) == (26 * MS, 15 * MS)
+    inbox.clear()
+    inbox.put("board/detection", detection(30 * MS, found=False))
+    assert node.step(41 * MS, inbox) == []
 
 
 def test_it_says_where_the_board_is_now_not_where_it_was_seen():

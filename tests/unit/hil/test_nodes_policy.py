@@ -8,7 +8,8 @@ from policies.fly import Command
 class FakePolicy:
     """Notes what it is given; engages from its third step on."""
 
-    def __init__(self):
+    def __init__(self, between_ticks=True):
+        self.between_ticks = between_ticks
         self.resets, self.seen = [], []
 
     def reset(self, now_ns):
@@ -31,6 +32,20 @@ def step(node, now_ns, stage="attempt", belief=BELIEF, odometry=ODOMETRY):
 
 def test_it_steps_with_every_belief():
     assert PolicyNode(FakePolicy()).wakes == ("belief",)
+
+
+def test_between_ticks_only_a_policy_that_can_is_stepped():
+    for able in (True, False):
+        policy = FakePolicy(able)
+        node = PolicyNode(policy)
+        inbox = filled(
+            node, ("belief", BELIEF), ("vehicle/odometry", ODOMETRY), ("run/stage", Stage(0, "attempt", 0, 0))
+        )
+        assert len(node.step(500, inbox)) == 1
+        inbox.clear()
+        inbox.put("belief", BELIEF)
+        assert len(node.step(506, inbox)) == able
+        assert len(policy.seen) == 1 + able
 
 
 def test_before_the_attempt_the_policy_does_not_exist():
