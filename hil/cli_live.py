@@ -31,8 +31,8 @@ def live_lines(table: dict[str, Any]) -> list[str]:
         seen, acted = latency["to_detection"], latency["then_to_action"]
         if seen["count"]:
             lines.append(
-                f"of it to the detection: p50 {seen['p50_ms']} ms, p99 {seen['p99_ms']}; from there, with the wait for "
-                f"the next control step: p50 {acted['p50_ms']} ms, p99 {acted['p99_ms']}"
+                f"of it to the detection: p50 {seen['p50_ms']} ms, p99 {seen['p99_ms']}; from there to the action: "
+                f"p50 {acted['p50_ms']} ms, p99 {acted['p99_ms']}"
             )
     lines.append(
         f"on {table['cores']} cores, load average {table['load_average'][0]:.1f} before, "

@@ -50,7 +50,7 @@ def summary(samples_ns: list[int]) -> dict[str, Any]:
 
 
 def table(found: Sequence[Latency]) -> dict[str, Any]:
-    """The summary of the whole way, and of its two parts: what control waits for its next tick is in the second."""
+    """The summary of the whole way, and of its two parts: what a network waits for its next tick is in the second."""
     parts = [one for one in found if one.detected_ns]
     return summary([one.acted_ns for one in found]) | {
         "to_detection": _short(summary([one.detected_ns for one in parts])),
