@@ -17,6 +17,7 @@ USAGE, COULD_NOT_RUN = 2, 3
 def live_lines(table: dict[str, Any]) -> list[str]:
     """How a live run kept time, as lines of text."""
     from hil.host.live_latency import bars
+    from hil.host.live_load import load_line
     from hil.host.live_time import clock_lines
 
     lines, latency = [], table["exposure_to_action"]
@@ -34,10 +35,7 @@ def live_lines(table: dict[str, Any]) -> list[str]:
                 f"of it to the detection: p50 {seen['p50_ms']} ms, p99 {seen['p99_ms']}; from there to the action: "
                 f"p50 {acted['p50_ms']} ms, p99 {acted['p99_ms']}"
             )
-    lines.append(
-        f"on {table['cores']} cores, load average {table['load_average'][0]:.1f} before, "
-        f"{table['load_average'][1]:.1f} after"
-    )
+    lines.append(load_line(table))
     for service, one in table["services"].items():
         for node, pace in one.get("nodes", {}).items():
             lost = sum(one.get("dropped", {}).values()) + sum(one.get("lost", {}).values())

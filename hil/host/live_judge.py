@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 from hil.campaign import Plan
 from hil.host.live_latency import latencies
 from hil.host.live_latency import table as latency_table
+from hil.host.live_load import load_now, load_table
 from hil.reader import ReadError, Recording
 from hil.runs import Run
 from hil.score import Score, Scorer, score_messages
@@ -26,7 +26,7 @@ class Ended:
         self.stage = "prepare"
         self.health: dict[str, dict[str, Any]] = {}
         self.remarks: list[str] = []
-        self.load = (0.0, 0.0)
+        self.before = self.after = load_now()
 
 
 def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[str, Any]]:
@@ -44,8 +44,7 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
         "ended": {"trouble": ended.trouble, "interrupted": ended.interrupted, "stage": ended.stage},
         "exposure_to_action": latency,
         "of_it_exposure_and_transport_ms": slot.exposure_ms / 2 + slot.transport_ms if slot.kind == "sim" else None,
-        "cores": os.cpu_count(),
-        "load_average": ended.load,
+        **load_table(ended.before, ended.after),
         "remarks": ended.remarks,
         "services": {name: _words(one) for name, one in sorted(ended.health.items())},
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import time
 from collections.abc import Callable, Mapping
@@ -20,6 +19,7 @@ from hil.host.live_ear import Ear
 from hil.host.live_ending import TURN_S, await_drivers, bring_down
 from hil.host.live_graph import check_live_graph
 from hil.host.live_judge import Ended, judge
+from hil.host.live_load import load_now
 from hil.host.live_spec import LiveSpec, services
 from hil.host.live_time import clock_lines
 from hil.host.live_wires import free_ports
@@ -138,7 +138,7 @@ def _fly(
                 ["recorder", *wanted], waiting=lambda missing: progress(0, f"waiting for {', '.join(missing)}")
             )
             _check_graph(supervisor, wanted)
-            ended.load = (os.getloadavg()[0], 0.0)
+            ended.before = load_now()
             hub_clock, date = _hub_clock(bus), DateWatch()
             started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns)
 
@@ -175,7 +175,7 @@ def _fly(
             ear.listen()
             ended.stage = ear.stage
             ended.failure = ear.failure(troubled=bool(ended.trouble))
-        ended.load = (ended.load[0], os.getloadavg()[0])
+        ended.after = load_now()
     finally:
         if ear is not None:
             ear.close()

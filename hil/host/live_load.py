@@ -1,0 +1,49 @@
+"""How busy the machine was during a live run, with what its host gave to others: none of it is the run's fault."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+_STAT = Path("/proc/stat")
+_IDLE, _IOWAIT, _STOLEN, _COUNTED = 3, 4, 7, 8  # columns; what follows them, guests, is counted in the first ones
+
+
+class Load(NamedTuple):
+    """The machine at a moment. Processor times since its start, in ticks, over all cores."""
+
+    average: float
+    idle: int
+    stolen: int
+    total: int
+
+
+def load_now(stat: Path = _STAT) -> Load:
+    """What the kernel says; times are 0 where it does not."""
+    average = os.getloadavg()[0]
+    try:
+        ticks = [int(word) for word in stat.read_text().splitlines()[0].split()[1 : 1 + _COUNTED]]
+        return Load(average, ticks[_IDLE] + ticks[_IOWAIT], ticks[_STOLEN], sum(ticks))
+    except (OSError, ValueError, IndexError):
+        return Load(average, 0, 0, 0)
+
+
+def load_table(before: Load, after: Load) -> dict[str, Any]:
+    """Load averages before and after; shares (0..1) of the processors' time between that were idle, and stolen."""
+    total = max(1, after.total - before.total)
+    return {
+        "cores": os.cpu_count(),
+        "load_average": (before.average, after.average),
+        "idle": round((after.idle - before.idle) / total, 3),
+        "stolen": round((after.stolen - before.stolen) / total, 3),
+    }
+
+
+def load_line(table: dict[str, Any]) -> str:
+    """One line of text."""
+    before, after = table["load_average"]
+    line = f"on {table['cores']} cores, {table['idle']:.0%} idle, load average {before:.1f} before, {after:.1f} after"
+    if table["stolen"] >= 0.01:
+        line += f"; {table['stolen']:.0%} of their time went to other guests of the machine's host"
+    return line
