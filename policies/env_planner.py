@@ -8,6 +8,7 @@ first, which an expert who needs no camera never shows.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -45,8 +46,9 @@ _TICKS = round(STEP / TICK)
 _LAG = 5  # control steps over which the true board's acceleration is taken
 ANALYTIC, LEARNED, FORESEEN = 0, 1, 2  # where the future comes from
 
-# A student follows less exactly than it is shown: a teacher who waits for an exact standoff would let it wait for ever.
-_READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0}
+# A student follows less exactly than it is shown: a teacher who waits for an exact standoff would let it wait for ever,
+# one who takes the board to the picture's edge would let it lose the board.
+_READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_fov": math.radians(19.0)}
 
 # Slices of a work row.
 _BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
