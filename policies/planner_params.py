@@ -43,8 +43,8 @@ STEEP: dict[str, float] = {
     "relax_after": 3.46,
     "skid": 0.0,
     "flatten": 0.0,
-    "overshoot": 0.0,
-    "overshoot_swing": 0.025,
+    "overshoot": -0.012,
+    "overshoot_swing": 0.035,
     "aim": 0.7,
     "predict_trust": 0.6,
     "blind": 0.52,
@@ -69,19 +69,19 @@ class PlannerParams:
     view, vertical; `robot_l`, `robot_r` the disc of the contact criterion.
     Contact: `impact_speed` into the board along its normal and `skid` up its slope (tried beside 0) are planned. The
     plan ends `overshoot` behind the surface, so that a small error along the normal makes contact early rather than
-    never; a board whose speed changes is foretold worse, and late is worse than early where gravity pulls along the
-    slope: `overshoot_swing` (s^2) times its acceleration comes on top. `flatten` 0..1: on a flat board this share of
-    the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. Less than `aim` s
-    before contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s thrust is chosen for
-    the contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed along it within
-    `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the change of thrust,
-    which comes `touch_lag` s late.
+    never (negative: before it). A board whose speed changes is foretold worse, and late is worse than early where
+    gravity pulls along the slope: `overshoot_swing` (s^2) times its acceleration comes on top. `flatten` 0..1: on a
+    flat board this share of the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none.
+    Less than `aim` s before contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s
+    thrust is chosen for the contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed
+    along it within `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the
+    change of thrust, which comes `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s; the board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A plan is started
     below `commit_cost` / cos(inclination) and given up above `abort_cost` or if nothing was seen for `lost_age`.
     `predict_tau`: decay of the board's acceleration in the prediction, `filter_tau` in the belief filter;
-    `predict_trust` 0..1 in the motion predictor's network. Where a board slows down the network goes on slowing it and
-    the decaying acceleration stops too soon: on steep boards, where timing is all, the truth is between.
+    `predict_trust` 0..1 in the speeds of the predictor's network. Where a board slows down the network goes on slowing
+    it and the decaying acceleration stops too soon: on steep boards, where timing is all, the truth is between.
     Commit: the believed position and speed must be known to `commit_sigma`, `commit_speed_sigma`, the last exposure be
     younger than `commit_age`, `commit_streak` detections be accepted, and the newest speeds have been foretold to
     `commit_surprise` m/s; the demands relax by 1 every `relax_after` s (that on
@@ -192,7 +192,7 @@ class PlannerParams:
             )
         for names in (self._flat(), {**self._flat(), **self.steep}):
             for name, value in names.items():
-                if not math.isfinite(value) or value < 0.0:
+                if not math.isfinite(value) or (value < 0.0 and name != "overshoot"):
                     raise ValueError(f"planner parameter {name} is {value}; give a finite number that is not negative")
             if not 0.0 < names["t_min"] < names["t_max"] or not 0.0 < names["f_min"] <= names["f_max"]:
                 raise ValueError("planner parameters need 0 < t_min < t_max and 0 < f_min <= f_max")

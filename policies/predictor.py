@@ -197,11 +197,11 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
     """Bend `future` ((R, 8), already filled by an analytic prediction of `x`) to what the network expects.
 
     `history` row; `t` s; `x` (8,): platform row now, last entry acceleration; `sigma`, `speed_sigma`, `age`, `streak`
-    as in an estimate row; `net` (NET_DIM,), `scratch` (SCRATCH_DIM,) float32; `most` 0..1: how far it is trusted if
-    all else is well. Returns (trust, expected rms error of the speed over the next 0.7 s, m/s); at trust 0 `future` is
-    left alone and the error is meaningless.
+    as in an estimate row; `net` (NET_DIM,), `scratch` (SCRATCH_DIM,) float32; `most` 0..1: how far its speeds are
+    trusted if all else is well. Returns (trust 0..1, expected rms error of the speed over the next 0.7 s, m/s); at
+    trust 0 `future` is left alone and the error is meaningless.
     """
-    trust = most * predictor_gate(net, history, age)
+    trust = predictor_gate(net, history, age)
     if trust <= 0.0:
         return 0.0, 0.0
     predictor_inputs(history, t, x, sigma, speed_sigma, age, streak, scratch)
@@ -217,7 +217,7 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
         speed += (1.0 - s) * scratch[_OUT + knot] + s * scratch[_OUT + knot + 1]
         turn += (1.0 - s) * scratch[_OUT + K + knot] + s * scratch[_OUT + K + knot + 1]
         row = future[k]
-        row[4] += trust * (min(4.0, max(-4.0, speed)) - row[4])
+        row[4] += most * trust * (min(4.0, max(-4.0, speed)) - row[4])
         row[5] += trust * (min(2.5, max(-2.5, turn)) - row[5])
     integrate_rows(step, future)
     return trust, math.exp(min(1.0, max(-5.0, scratch[SCRATCH_DIM - 1])))
