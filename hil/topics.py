@@ -14,7 +14,8 @@ EVERYONE = ("*",)
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row of the contract. `hz` 0 means on event; `max_age_ms` 0 means it does not go stale."""
+    """One row of the contract. `hz` is that of its ticks, between which more may come; 0 means on event only.
+    `max_age_ms` 0 means it does not go stale."""
 
     message: type
     hz: float

@@ -58,7 +58,7 @@ class Command(NamedTuple):
 
 
 class FlyingPolicy(Protocol):
-    """Anything that turns belief and odometry into commands, at 100 Hz.
+    """Anything that turns belief and odometry into commands, at ticks of 100 Hz.
 
     `between_ticks`: it may be stepped at other times too, as soon as a picture has told something new.
     """

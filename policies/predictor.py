@@ -194,9 +194,9 @@ def integrate_rows(step, out):
 
 @njit
 def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, scratch, most, future):
-    """Bend `future` ((R, 8), already filled by an analytic prediction of `x`) to what the network expects.
+    """Bend `future` ((R, 8), already filled by an analytic prediction) to what the network expects.
 
-    `history` row; `t` s; `x` (8,): platform row now, last entry acceleration; `sigma`, `speed_sigma`, `age`, `streak`
+    `history` row; `t` s; `x` (8,): the filter's own row now; `sigma`, `speed_sigma`, `age`, `streak`
     as in an estimate row; `net` (NET_DIM,), `scratch` (SCRATCH_DIM,) float32; `most` 0..1: how far its speeds are
     trusted if all else is well. Returns (trust 0..1, expected rms error of the speed over the next 0.7 s, m/s); at
     trust 0 `future` is left alone and the error is meaningless.
