@@ -1,0 +1,67 @@
+"""TCP's troubles, CAN frames over UDP, and wires by their addresses."""
+
+import socket
+
+import pytest
+from wire_makers import LOCAL, collect, udp_pair
+
+from hil.wire import CanFrame
+from hil.wires import WireError
+from hil.wires.can_udp import CanOverUdp
+from hil.wires.tcp import TcpWire
+from hil.wires.udp import UdpWire
+from hil.wires.url import check_url, open_url
+
+
+def test_tcp_troubles_are_told_not_raised():
+    with socket.create_server((LOCAL, 0)) as server:
+        port = server.getsockname()[1]
+        wire = TcpWire(LOCAL, port)
+        server.accept()[0].close()
+    collect(wire, lambda _: bool(wire.lost))
+    assert "closed by the other end" in wire.lost
+    wire.send(b"x")
+    assert wire.dropped == 1
+    wire.close()
+    with pytest.raises(WireError, match=f"nobody answers at TCP 127.0.0.1:{port}"):
+        TcpWire(LOCAL, port)
+
+
+def test_no_frame_over_udp_is_counted():
+    a, b = udp_pair()
+    wire = CanOverUdp(b)
+    for item in (b"", b"\x01", b"\x08\x00", bytes(11), b"\x01\x11ok"):
+        a.send(item)
+    assert collect(wire, bool) == [CanFrame(0x111, b"ok")]
+    assert wire.rejected == 4
+    for end in (a, wire):
+        end.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "parts"),
+    [
+        ("udp://:14540", ("udp", "", 14540)),
+        ("udp://10.0.0.7:14580", ("udp", "10.0.0.7", 14580)),
+        ("tcp://localhost:5760", ("tcp", "localhost", 5760)),
+        ("serial:///dev/ttyACM0", ("serial", "/dev/ttyACM0", 921600)),
+        ("serial:///dev/ttyUSB1?baud=57600", ("serial", "/dev/ttyUSB1", 57600)),
+    ],
+)
+def test_addresses_of_wires(url, parts):
+    assert check_url(url) == parts
+
+
+@pytest.mark.parametrize("url", ["", "14540", "udp://", "tcp://:5760", "udp://:99999", "serial://", "http://a:1"])
+def test_wrong_addresses_show_right_ones(url):
+    with pytest.raises(WireError, match="udp://:14540"):
+        check_url(url)
+
+
+def test_a_wire_by_its_address():
+    listener = UdpWire((LOCAL, 0))
+    caller = open_url(f"udp://{LOCAL}:{listener.address[1]}")
+    caller.send(b"hello")
+    assert collect(listener, bool) == [b"hello"]
+    for wire in (listener, caller):
+        wire.close()
