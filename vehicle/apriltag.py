@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,7 +38,9 @@ class DetectorSettings:
     max_rms_single: float = 0.6  # px; four corners fit almost anything, so a lone tag must fit well
     ambiguity_rms: float = 1.0  # px, mirrored poses whose rms differ by less are both possible: ask the prior
     clear_rms: float = 0.2  # px, the same where neither prior nor horizon can tell
+    # So many misses in a row and the prior is not believed for one picture, then again
     misses_until_lost: int = 3
+    doubt_px: float = 4.0  # by so much the search around the prior grows with every miss
 
 
 @dataclass(frozen=True)
@@ -105,24 +107,30 @@ class BoardDetector:
         return result
 
     def _search(self, image: np.ndarray, prior: tuple | None, up: np.ndarray | None) -> BoardPose:
-        regions: list[Region] = []
-        if prior is not None and self._misses < self.settings.misses_until_lost:
-            regions = predicted_region(self.camera, self.board, *prior)
-        if not regions:
-            # Lost: mostly the cheap search, now and then the one that sees farther
-            self._searches += 1
-            decimate = 2.0 if self._searches % 4 == 0 else 3.0
-            regions = [Region(0, 0, self.camera.width, self.camera.height, decimate)]
         work, result = 0.0, None
-        for region in regions:
+        for region in self._regions(prior):
             part = image[region.v0 : region.v1, region.u0 : region.u1]
-            work += part.size / region.decimate**2
+            work += region.work_px
             tags = self._tags.detect(part, region.decimate, self._least_contrast(part))
             result = self._pose(tags, region, work, prior, up)
             if result.found or result.ids:
                 break
         assert result is not None
         return result
+
+    def _regions(self, prior: tuple | None) -> list[Region]:
+        """Where to look, in turn. With every miss farther around the prior, as long as that costs less than to look
+        everywhere; one picture in a few is searched as if nothing were known."""
+        s, whole = self.settings, Region(0, 0, self.camera.width, self.camera.height, 3.0)
+        if prior is not None and self._misses % (s.misses_until_lost + 1) < s.misses_until_lost:
+            regions = predicted_region(self.camera, self.board, *prior, s.doubt_px * self._misses)
+            if self._misses >= s.misses_until_lost:
+                regions = [region for region in regions[:1] if region.work_px < whole.work_px]
+            if regions:
+                return regions
+        # Mostly the cheap search, now and then the one that sees farther
+        self._searches += 1
+        return [replace(whole, decimate=2.0) if self._searches % 4 == 0 else whole]
 
     def _least_contrast(self, part: np.ndarray) -> int:
         thin = np.sort(part[::8, ::8], axis=None)

@@ -26,10 +26,16 @@ class Region:
     v1: int
     decimate: float
 
+    @property
+    def work_px(self) -> float:
+        """Pixels left after decimation: what a search costs."""
+        return (self.u1 - self.u0) * (self.v1 - self.v0) / self.decimate**2
 
-def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray) -> list[Region]:
+
+def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray, doubt_px: float = 0.0) -> list[Region]:
     """Regions to search in turn until one shows a tag; empty if the expected pose is not in the picture.
 
+    `doubt_px`: how far from there the board may be, beyond what a pose foretold from the last picture is wrong by.
     While the largest tag is wholly in the picture it alone decides the decimation; nearer, the smaller ones do.
     """
     size = np.array([camera.width, camera.height], np.float64)
@@ -42,7 +48,7 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray)
         if points[:, 2].min() < _NEAR:
             continue
         pixels = points[:, :2] / points[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-        if (pixels.max(axis=0) < 0).any() or (pixels.min(axis=0) > size - 1).any():
+        if (pixels.max(axis=0) < -doubt_px).any() or (pixels.min(axis=0) > size - 1 + doubt_px).any():
             continue
         whole = bool((pixels > 6).all() and (pixels < size - 7).all())
         shortest = float(np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1).min())
@@ -55,7 +61,7 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray)
             sides.append((shortest, _SMALL_SIDE))
     if not np.isfinite(low).all():
         return []
-    slack = _SLACK_PX + _SLACK * float((high - low).max())
+    slack = _SLACK_PX + _SLACK * float((high - low).max()) + doubt_px
     u0, v0 = (int(x) for x in np.maximum(low - slack, 0))
     u1, v1 = (int(x) for x in np.minimum(high + slack + 1, size))
     if u1 - u0 < 32 or v1 - v0 < 32:

@@ -21,7 +21,8 @@ from vehicle.render_sensor import Sensor, expose, noise_tile, vignette
 from vehicle.rotations import to_matrix
 
 _STEP = 2  # full-resolution pixels for one of the background
-_SAMPLES_PER_FRAME = 900_000  # budget: about two milliseconds
+_SAMPLES_PER_FRAME = 900_000  # about two milliseconds
+_MOST_SAMPLES_PER_FRAME = 7_400_000  # eight for every pixel of a picture that shows nothing but the face
 _WHITE, _BLACK = 225.0, 24.0  # DN of paper and ink in full light at gain 1
 _REACH = 3  # px, of the point spread
 
@@ -84,8 +85,9 @@ class Renderer:
         if not seen:
             return
         area = int((box[2] - box[0]) * (box[3] - box[1]))
-        # Enough samples that neither texture nor motion shows as steps, within the budget
-        count = int(np.clip(max(_SAMPLES_PER_FRAME // area, 1.5 * blur), 4, MAX_SAMPLES))
+        # Enough samples that neither texture nor motion shows as steps, within what a period has room for
+        most = min(MAX_SAMPLES, _MOST_SAMPLES_PER_FRAME // area)
+        count = int(np.clip(max(_SAMPLES_PER_FRAME // area, 1.5 * blur), 4, most))
         texture = self._texture(lambert(board_R[:, 2]))
         draw_face(self._light, vehicle, board, exposure, self._cam, size / 2, texture, box, count)
         if self.sensor.point_spread > 0.0:

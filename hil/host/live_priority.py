@@ -1,9 +1,11 @@
 """Which process of a live run goes first when there are fewer cores than work.
 
-The kernel weighs sessions before it weighs processes (sched_autogroup): a service has a session of its own, so that
-its nice value alone counts for nothing. Whoever computes is left alone until his slice of some milliseconds is over,
-unless who wakes up has a shorter one (EEVDF, from Linux 6.12). Both are asked for; what is not permitted, or not known
-to this kernel, is left out, and the machine has to be idle enough.
+Where it is permitted services run in real time (SCHED_FIFO): who waits for his turn then gets it at once, however short
+the turn of whoever computes has been. Where it is not, they ask for weight. The kernel weighs sessions before it weighs
+processes (sched_autogroup): a service has a session of its own, so that its nice value alone counts for nothing.
+Whoever computes is left alone until his slice of some milliseconds is over, unless who wakes up has a shorter one
+(EEVDF, from Linux 6.12). What is not permitted, or not known to this kernel, is left out, and the machine has to be
+idle enough.
 """
 
 from __future__ import annotations
@@ -18,16 +20,18 @@ from typing import NamedTuple
 
 
 class Priority(NamedTuple):
-    """`nice` of the process and of its session; `slice_ns` 0: the kernel's own."""
+    """`nice` of the process and of its session; `slice_ns` 0: the kernel's own. `real_time`: SCHED_FIFO's, 0: none."""
 
     nice: int
     slice_ns: int = 0
+    real_time: int = 0
 
 
 # A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn
-# and several to be searched: these two are not chopped up. The recorder has time.
-CONTROL = Priority(-15, 300_000)
-PRIORITIES = {"detector": Priority(-13), "camera": Priority(-11), "recorder": Priority(-9)}
+# and several to be searched: these two are not chopped up, and the drawn one is not due before it would have been read
+# out. The recorder has time.
+CONTROL = Priority(-15, 300_000, 30)
+PRIORITIES = {"detector": Priority(-13, real_time=20), "camera": Priority(-11, real_time=10), "recorder": Priority(-9)}
 
 _TRIES = 20
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux system call numbers; the C library has no wrapper
@@ -41,8 +45,20 @@ def take_priority(service: str) -> None:
         os.setpriority(os.PRIO_PROCESS, 0, wanted.nice)
     if os.getsid(0) == os.getpid():  # else it is the session of somebody's shell
         _weigh_session(wanted.nice)
+    if wanted.real_time and _run_in_real_time(wanted.real_time):
+        return
     if wanted.slice_ns:
         _take_slice(wanted.slice_ns)
+
+
+def _run_in_real_time(priority: int) -> bool:
+    """Whether it was permitted. Never on a single core: a service that runs wild would leave nothing to its judge."""
+    if (os.cpu_count() or 1) < 2:
+        return False
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        return True
+    return False
 
 
 def _weigh_session(nice: int) -> None:

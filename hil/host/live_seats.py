@@ -110,9 +110,13 @@ class Seats:
     def catch_up(self) -> None:
         """Step whose deadline has come, publish what has been delayed until now."""
         for _ in self._ticks:  # once each: whoever cannot keep his period still hears, and tells, in between
+            self._publish_delayed()  # first: a picture may not wait until the next one is drawn
             if self._ticks[0][0] > self._now():
-                break
+                return
             self._tick()
+        self._publish_delayed()
+
+    def _publish_delayed(self) -> None:
         while self._delayed and self._delayed[0][0] <= self._now():
             self._publish(heapq.heappop(self._delayed)[2])
 

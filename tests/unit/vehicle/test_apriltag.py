@@ -76,6 +76,21 @@ def test_a_wrong_prior_is_given_up_after_three_misses():
     assert d.outcomes == {"no tag": 3, "found": 1}
 
 
+def test_the_search_around_a_prior_grows_with_every_miss_and_never_costs_more_than_to_look_everywhere():
+    vehicle, board = view(2.0)
+    R, p, up = board_in_camera(vehicle, board)
+    aside = (R, p + np.array([0.35, 0.0, 0.0]))  # what a belief is wrong by after half a second without sight
+    picture, d = RENDERER.render(vehicle, board, 0, 0), detector()
+    empty = np.full_like(picture, 128)
+    tried = [d.detect(empty, aside, up) for _ in range(34)]
+    widths = [one.region[2] - one.region[0] for k, one in enumerate(tried) if k % 4 != 3]
+    assert widths == sorted(widths)
+    assert widths[-1] > 2 * widths[0]
+    assert all(one.region == (0, 0, CAMERA.width, CAMERA.height) for one in tried[3::4])
+    assert max(one.work_px for k, one in enumerate(tried) if k % 4 != 3) < CAMERA.width * CAMERA.height / 9.0
+    assert d.detect(picture, aside, up).found
+
+
 @pytest.mark.parametrize("value", [0, 128, 255])
 def test_an_empty_picture_shows_nothing(value):
     d = detector()

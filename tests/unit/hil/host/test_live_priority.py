@@ -19,7 +19,7 @@ def weight():
         return "none"
 before = weight()
 take_priority(sys.argv[1])
-print(os.getpriority(os.PRIO_PROCESS, 0), before, weight())
+print(os.getpriority(os.PRIO_PROCESS, 0), os.sched_getparam(0).sched_priority, before, weight())
 """
 
 
@@ -30,25 +30,27 @@ def ask(service, *, own_session):
     return said.stdout.split()
 
 
-def permitted():
-    code = "import os; os.setpriority(os.PRIO_PROCESS, 0, -1)"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
+def permitted(call):
+    return subprocess.run([sys.executable, "-c", f"import os; {call}"], capture_output=True).returncode == 0
 
 
 @pytest.mark.parametrize("service", ["brain", "detector", "camera", "recorder"])
 def test_a_service_takes_what_it_may(service):
-    nice, _, session = ask(service, own_session=True)
-    wanted = PRIORITIES.get(service, CONTROL).nice
+    nice, real_time, _, session = ask(service, own_session=True)
+    wanted = PRIORITIES.get(service, CONTROL)
     before = os.getpriority(os.PRIO_PROCESS, 0)
-    assert int(nice) == (wanted if permitted() else before)
-    assert session in (str(wanted), "none", "0")
+    assert int(nice) == (wanted.nice if permitted("os.setpriority(os.PRIO_PROCESS, 0, -1)") else before)
+    may = permitted("os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))") and os.cpu_count() > 1
+    assert int(real_time) == (wanted.real_time if may else 0)
+    assert session in (str(wanted.nice), "none", "0")
 
 
 def test_the_session_of_a_shell_is_left_alone():
-    _, before, after = ask("brain", own_session=False)
+    _, _, before, after = ask("brain", own_session=False)
     assert after == before
 
 
 def test_what_somebody_waits_for_goes_first():
     order = [CONTROL, *(PRIORITIES[name] for name in ("detector", "camera", "recorder"))]
     assert [one.nice for one in order] == sorted({one.nice for one in order})
+    assert [one.real_time for one in order] == sorted({one.real_time for one in order}, reverse=True)
