@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,17 +21,15 @@ from hil.cli_live import live_lines
 from hil.console import json_row, published_row, run_table, seeds_table
 from hil.flight import Flight, fly
 from hil.interlock import Clearance, NotClearedError, clear_to_arm
+from hil.plan import Plan
 from hil.record import RecordingError
-from hil.rig import Rig, load_rig
 from hil.runs import RunError
 from hil.score import Score
 from hil.supervisor import SupervisorError
 from hil.view import ViewerError, free_port
 from kernel import cache_is_cold
 from policies.contract import ContractError
-from policies.fly import FlyingPolicy, policy_factory
 from scenarios.draw import MAX_SEED
-from scenarios.spec import Scenario, load
 from scenarios.toml_errors import ConfigError
 from vehicle.airframe import load_airframe
 
@@ -40,21 +38,6 @@ if TYPE_CHECKING:
     from hil.view_tap import Feed
 
 PERCHED, NOT_PERCHED, USAGE, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 3, 130
-
-
-class Plan:
-    """What was asked for, read and checked: nothing is written before this succeeds."""
-
-    def __init__(self, scenario: str, rig: str, policy: str | None, camera: str | None) -> None:
-        """Raises ConfigError, ContractError or ValueError: one line each."""
-        self.scenario: Scenario = load(scenario)
-        self.rig: Rig = load_rig(rig)
-        if camera is not None:
-            source = self.rig.camera.model_copy(update={"source": camera})
-            self.rig = self.rig.model_copy(update={"camera": source})
-        self.policy_name = policy or self.rig.policy.kind
-        airframe = load_airframe(self.rig.vehicle.airframe)
-        self.make_policy: Callable[[], FlyingPolicy] = policy_factory(self.policy_name, airframe)
 
 
 @dataclass(frozen=True)

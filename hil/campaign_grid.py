@@ -19,8 +19,8 @@ from typing import Any
 import numba
 
 from hil.autopilot_parameters import note_parameters
-from hil.campaign import Plan
 from hil.flight import fly
+from hil.plan import Plan
 from hil.provenance import Code, ProvenanceError
 from hil.record import RecordingError
 from hil.runs import RunError, list_runs, policy_identity

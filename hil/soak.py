@@ -144,9 +144,9 @@ def soak(scenario: str, minutes: float, out: Path, seed: int = 0) -> tuple[list[
     Raises ConfigError, and what a live run raises.
     """
     from hil import provenance
-    from hil.campaign import Plan
     from hil.host.live_presence import footprint
     from hil.host.live_run import fly_live
+    from hil.plan import Plan
 
     path = stretched(scenario, minutes, out)
     names: dict[str, Any] = {"scenario": str(path.resolve()), "rig": "sim", "policy": None, "camera": None}

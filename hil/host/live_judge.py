@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.campaign import Plan
 from hil.host.live_latency import latencies
 from hil.host.live_latency import table as latency_table
 from hil.host.live_load import load_now, load_table
+from hil.plan import Plan
 from hil.reader import ReadError, Recording
 from hil.runs import Run
 from hil.score import Score, Scorer, score_messages

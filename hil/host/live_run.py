@@ -12,7 +12,6 @@ from typing import Any
 
 from hil.bus import Bus
 from hil.bus_clock import Clock, DateWatch
-from hil.campaign import Plan
 from hil.flight import Flight
 from hil.graph import GraphError
 from hil.host.live_ear import Ear
@@ -25,6 +24,7 @@ from hil.host.live_time import clock_lines
 from hil.host.live_wires import free_ports
 from hil.left_overs import remove_orphaned_memory
 from hil.messages import Event
+from hil.plan import Plan
 from hil.provenance import Code
 from hil.runs import new_run, policy_identity, write_json
 from hil.supervisor import Supervisor, SupervisorError

@@ -10,8 +10,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.assembly import node_names
 from hil.bus import Credentials, credentials_in
-from hil.campaign import Plan
 from hil.host.live_wires import Ports
+from hil.plan import Plan
 from hil.rig import Rig
 from scenarios.draw import Drawn, draw
 from scenarios.spec import Scenario

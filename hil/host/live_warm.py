@@ -13,10 +13,10 @@ from typing import Any
 
 from hil import messages as m
 from hil.assembly import Assembly
-from hil.campaign import Plan
 from hil.host.live_spec import simulated_twin
 from hil.host.lockstep import Clock
 from hil.node import Inbox, Node
+from hil.plan import Plan
 from hil.simulation import MemoryWires
 from scenarios.draw import Drawn
 

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from hil import provenance
-from hil.campaign import Plan
 from hil.flight import fly
+from hil.plan import Plan
 from hil.reader import Recording
 from hil.rig import load_rig
 

@@ -16,10 +16,10 @@ from pathlib import Path
 import pytest
 
 from hil import provenance
-from hil.campaign import Plan
 from hil.host.live_run import fly_live
 from hil.host.replay import replay_run
 from hil.left_overs import mapped_memory
+from hil.plan import Plan
 from hil.reader import Recording
 
 pytestmark = pytest.mark.live

@@ -15,8 +15,8 @@ from groundcar.motion import SPEED
 from groundcar.scout_sim import ScoutSim
 from hil import provenance
 from hil.bus import Bus, BusError, Mailbox
-from hil.campaign import Plan
 from hil.host.live_run import fly_live
+from hil.plan import Plan
 from hil.platform_motion import hover_start, start_platform
 from hil.reader import Recording
 from hil.supervisor import SupervisorError

@@ -16,8 +16,8 @@ import pytest
 
 from hil import provenance
 from hil.assembly import node_names
-from hil.campaign import Plan
 from hil.host.live_run import fly_live
+from hil.plan import Plan
 from hil.reader import Recording
 from hil.rig import RIG_DIR, load_rig
 from hil.wires import WireError

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 from hil import provenance
-from hil.campaign import Plan
 from hil.host.live_run import fly_live
+from hil.plan import Plan
 from hil.reader import Recording
 from hil.rig import RIG_DIR
 

@@ -13,12 +13,12 @@ import pytest
 from typer.testing import CliRunner
 
 from hil import provenance
-from hil.campaign import Plan
 from hil.cli import app
 from hil.diff import diff_runs
 from hil.flight import fly
 from hil.gate import GateLimits
 from hil.host.replay import replay_run
+from hil.plan import Plan
 from hil.reader import Recording
 from hil.runs import list_runs, open_run
 from scenarios.spec import list_scenarios, load

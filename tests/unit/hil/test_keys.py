@@ -4,9 +4,9 @@ import pytest
 
 from hil.assembly import Assembly
 from hil.bus import CONTROL, TOPIC
-from hil.campaign import Plan
 from hil.host.live_spec import services
 from hil.keys import OUTPUTS, access_control
+from hil.plan import Plan
 from hil.simulation import MemoryWires
 from scenarios.draw import draw
 
