@@ -1,8 +1,9 @@
 """What the drone believes of the board: an extended Kalman filter on late, intermittent poses from the detector.
 
 State (8): [x, y, z, heading, speed, turn_rate, inclination, acceleration]. The motion model is CTRV (paper Sec.
-"Visibility-Aware Input Augmentation") with a forward acceleration that decays (Singer's model): with `accel_sigma` 0 it
-is plain CTRV. Speed is signed, along the heading; z and inclination are constants that may drift slowly.
+"Visibility-Aware Input Augmentation") with a forward acceleration that decays (Singer's model): with `accel_sigma` and
+`calm_accel` 0 it is plain CTRV. How lively the board is driven is estimated beside it (`belief_models`). Speed is
+signed, along the heading; z and inclination are constants that may drift slowly.
 
 Measurement (5): [x, y, z, heading, inclination] with a diagonal covariance, gated by the Mahalanobis distance. The
 filter stays at the newest exposure time and is predicted forward for output, so a measurement may be as late as it
@@ -20,13 +21,14 @@ from typing import NamedTuple
 import numpy as np
 
 from kernel import njit
+from policies.belief_models import MODEL_DIM, MODELS, combine, judge, mix, model_state, settled, start_models
 from policies.belief_motion import (
-    ACCEL_SIGMA,
     ACCEL_TAU,
     BIAS_HEADING,
     BIAS_INCLINATION,
     GATE,
     LAMBDA_RHO,
+    LIVELY,
     LOSS_AFTER,
     MAX_AGE,
     MAX_SPEED,
@@ -41,6 +43,7 @@ from policies.belief_motion import (
     N,
     advance,
     advance_state,
+    drive_sigma,
     steps_in,
     wrap,
 )  # fmt: skip
@@ -59,8 +62,11 @@ B_CANDIDATES, B_CANDIDATE_T, B_CANDIDATE_Z = (
     B_T + 7,
     B_T + 8,
 )  # refused in a row that agree; the newest of them
-_SCRATCH = B_CANDIDATE_Z + M
-BELIEF_DIM = _SCRATCH + N + N * N
+B_WEIGHTS = B_CANDIDATE_Z + M  # of the ways of driving
+_ALL = MODELS * MODEL_DIM
+_MODELS = B_WEIGHTS + MODELS
+_TRIAL, _PRIOR, _MISFIT = _MODELS + _ALL, _MODELS + 2 * _ALL, _MODELS + 2 * _ALL + MODELS  # scratch
+BELIEF_DIM = _MISFIT + MODELS
 
 ACCEPTED, RESTARTED, GATED, OUT_OF_ORDER, NOT_FINITE, IMPLAUSIBLE = 0, 1, 2, 3, 4, 5
 CODES = ("accepted", "restarted", "gated", "out_of_order", "not_finite", "implausible")
@@ -106,7 +112,8 @@ def _start(row, t, z, r, params, restart):
     row[B_X + 4], row[B_X + 5] = speed, turn
     row[B_P + 4 * (N + 1)] = params[SPEED_SIGMA] ** 2
     row[B_P + 5 * (N + 1)] = params[TURN_SIGMA] ** 2
-    row[B_P + 7 * (N + 1)] = params[ACCEL_SIGMA] ** 2
+    row[B_P + 7 * (N + 1)] = drive_sigma(params, settled(params, LIVELY)) ** 2
+    start_models(row[B_X:B_P], row[B_P:B_T], params, row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL])
     row[B_T], row[B_FIRST_T], row[B_STREAK], row[B_CANDIDATES] = t, t, 1.0, 0.0
     row[B_ACCEPTED] += 1.0
 
@@ -150,11 +157,17 @@ def belief_update(row, t, z, r, params):
     if t <= row[B_T] or (row[B_CANDIDATES] > 0.0 and t <= row[B_CANDIDATE_T]):
         row[B_REJECTED] += 1.0
         return OUT_OF_ORDER
-    x, p = row[_SCRATCH : _SCRATCH + N], row[_SCRATCH + N : BELIEF_DIM]
-    x[:] = row[B_X : B_X + N]
-    p[:] = row[B_P : B_P + N * N]
-    advance(x, p, t - row[B_T], params)
-    nis = _correct(x, p, z, r)
+    weights, models, trial = row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL], row[_TRIAL:_PRIOR]
+    prior, misfits = row[_PRIOR:_MISFIT], row[_MISFIT:BELIEF_DIM]
+    dt = t - row[B_T]
+    mix(weights, models, dt, params, prior, trial, misfits)
+    nis = math.inf
+    for j in range(MODELS):
+        x, p = model_state(trial, j)
+        advance(x, p, dt, params, float(j))
+        own, spread = _correct(x, p, z, r)
+        misfits[j] = own + spread
+        nis = min(nis, own)
     row[B_NIS] = nis
     if nis > params[GATE]:
         if _refused(row, t, z, r, params):
@@ -162,7 +175,9 @@ def belief_update(row, t, z, r, params):
             return RESTARTED
         row[B_REJECTED] += 1.0
         return GATED
-    row[B_X:B_T] = row[_SCRATCH:BELIEF_DIM]
+    judge(prior, misfits, weights)
+    models[:] = trial
+    combine(weights, models, row[B_X:B_P], row[B_P:B_T])
     row[B_T] = t
     row[B_STREAK] += 1.0
     row[B_ACCEPTED] += 1.0
@@ -172,13 +187,17 @@ def belief_update(row, t, z, r, params):
 
 @njit
 def _correct(x, p, z, r):
-    """Scalar updates one after the other, which for a diagonal R equal the joint one; returns the joint NIS."""
-    nis = 0.0
+    """Scalar updates one after the other, which for a diagonal R equal the joint one.
+
+    Returns (the joint NIS, log of the innovation covariance's determinant).
+    """
+    nis, spread = 0.0, 0.0
     for i in range(M):
         j = _MEASURED[i]
         innovation = wrap(z[i] - x[j]) if j == 3 else z[i] - x[j]
         s = p[j * (N + 1)] + r[i]
         nis += innovation * innovation / s
+        spread += math.log(s)
         for a in range(N):
             x[a] += p[a * N + j] / s * innovation
         for a in range(N):
@@ -191,7 +210,7 @@ def _correct(x, p, z, r):
             p[a * N + j] *= shrink
             p[j * N + a] = p[a * N + j]
     x[3] = wrap(x[3])
-    return nis
+    return nis, spread
 
 
 @njit
@@ -224,7 +243,7 @@ def belief_covariance(row, t, params, x, p):
     """Predict state (`x` (8,), the last is acceleration) and covariance (`p` (64,), row-major) to time `t` (s)."""
     x[:] = row[B_X : B_X + N]
     p[:] = row[B_P : B_P + N * N]
-    advance(x, p, t - row[B_T], params)
+    advance(x, p, t - row[B_T], params, row[B_WEIGHTS + LIVELY])
     x[3] = wrap(x[3])
 
 

@@ -13,7 +13,8 @@ N = 8  # state: [x, y, z, heading, speed, turn_rate, inclination, acceleration]
 
 (GATE, REACCEPT, REACCEPT_LOSS, MAX_SPEED, MAX_TURN, SPEED0, SPEED_SIGMA, TURN_SIGMA, ACCEL_SIGMA, ACCEL_TAU,
  Q_SPEED, Q_TURN, Q_HEADING, Q_POSITION, Q_INCLINATION, BIAS_HEADING, BIAS_INCLINATION, LAMBDA_RHO,
- LOSS_AFTER, VALID_AFTER, MAX_AGE, QUIET, BUSY_SPEED) = range(23)  # fmt: skip
+ LOSS_AFTER, VALID_AFTER, MAX_AGE, QUIET, BUSY_SPEED, CALM_ACCEL, CALM_FOR, LIVELY_FOR) = range(26)  # fmt: skip
+CALM, LIVELY = 0, 1  # how the board may be driven
 STEP = 0.05  # s, longest step of the prediction
 
 
@@ -29,6 +30,9 @@ class BeliefParams:
     errors of odometry and calibration wander while the drone approaches. rho = exp(-lambda_rho T_loss); the loss begins
     `loss_after` s after the last exposure: a 20 Hz detector 60 ms late is 110 ms old without any loss, and
     lambda_rho 2 halves rho in 0.35 s, in which CTRV errs by about 3 cm. Valid: `valid_after` accepted, age < `max_age`.
+    A board is driven calmly or lively (see `belief_models`): calmly, the acceleration's size is `calm_accel`, which is
+    enough for the paper's OU speeds. It is driven so for `calm_for` and `lively_for` s on average, which decides where
+    measurements are too noisy to tell.
     A car that stands goes on standing: the noise of speed, turn rate and acceleration is scaled by `quiet` +
     (|speed| + 2 |acceleration|) / `busy_speed`, at most 1.
     """
@@ -56,14 +60,18 @@ class BeliefParams:
     max_age: float = 2.0
     quiet: float = 0.2
     busy_speed: float = 1.5
+    calm_accel: float = 0.3
+    calm_for: float = 4.0
+    lively_for: float = 1.0
 
     def __post_init__(self) -> None:
         for name, value in zip(self.__dataclass_fields__, astuple(self), strict=True):
             if not math.isfinite(value) or (value < 0.0 and name != "speed0"):
                 raise ValueError(f"belief parameter {name} is {value}; give a finite number that is not negative")
-        if min(self.accel_tau, self.busy_speed) <= 0.0 or self.gate <= 0.0 or self.reaccept < 2:
+        if min(self.accel_tau, self.busy_speed, self.calm_for, self.lively_for, self.gate) <= 0.0 or self.reaccept < 2:
             raise ValueError(
-                "belief parameters accel_tau, busy_speed and gate must be positive and reaccept at least 2"
+                "belief parameters accel_tau, busy_speed, calm_for, lively_for and gate must be positive, reaccept at "
+                "least 2"
             )
 
     def row(self) -> np.ndarray:
@@ -93,7 +101,13 @@ def advance_state(x, dt, tau):
 
 
 @njit
-def advance_covariance(x, p, dt, params):
+def drive_sigma(params, lively):
+    """Size of the acceleration (m/s^2) of a board that is driven lively by this share."""
+    return math.sqrt((1.0 - lively) * params[CALM_ACCEL] ** 2 + lively * params[ACCEL_SIGMA] ** 2)
+
+
+@njit
+def advance_covariance(x, p, dt, params, lively):
     """P <- F P F' + Q for the step that starts at x; p is (64,), in place. Rows 0, 1, 3, 4, 7 of F are not trivial."""
     tau = params[ACCEL_TAU]
     decay = math.exp(-dt / tau)
@@ -123,7 +137,7 @@ def advance_covariance(x, p, dt, params):
     p[4 * d] += busy * params[Q_SPEED] ** 2 * dt
     p[5 * d] += busy * params[Q_TURN] ** 2 * dt
     p[6 * d] += params[Q_INCLINATION] ** 2 * dt
-    p[7 * d] += busy * params[ACCEL_SIGMA] ** 2 * (1.0 - decay * decay)
+    p[7 * d] += busy * drive_sigma(params, lively) ** 2 * (1.0 - decay * decay)
 
 
 @njit
@@ -133,9 +147,10 @@ def steps_in(span):
 
 
 @njit
-def advance(x, p, span, params):
+def advance(x, p, span, params, lively):
+    """Carry state and covariance on by `span` s, with the noise of a board driven lively by this share (0..1)."""
     steps = steps_in(span)
     if span > 0.0:
         for _ in range(steps):
-            advance_covariance(x, p, span / steps, params)
+            advance_covariance(x, p, span / steps, params, lively)
             advance_state(x, span / steps, params[ACCEL_TAU])

@@ -123,7 +123,8 @@ class BoardDetector:
         everywhere; one picture in a few is searched as if nothing were known."""
         s, whole = self.settings, Region(0, 0, self.camera.width, self.camera.height, 3.0)
         if prior is not None and self._misses % (s.misses_until_lost + 1) < s.misses_until_lost:
-            regions = predicted_region(self.camera, self.board, *prior, s.doubt_px * self._misses)
+            R, p = prior
+            regions = predicted_region(self.camera, self.board, R, p, s.doubt_px * self._misses)
             if self._misses >= s.misses_until_lost:
                 regions = [region for region in regions[:1] if region.work_px < whole.work_px]
             if regions:

@@ -172,7 +172,9 @@ def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
 
 
 def test_covariance_is_carried_by_the_jacobian_of_the_motion():
-    quiet = BeliefParams(q_speed=0, q_turn=0, q_heading=0, q_position=0, q_inclination=0, accel_sigma=0).row()
+    quiet = BeliefParams(
+        q_speed=0, q_turn=0, q_heading=0, q_position=0, q_inclination=0, accel_sigma=0, calm_accel=0, calm_turn=0
+    ).row()
     x0 = np.array([0.0, 0.0, 1.5, 0.4, 1.7, 0.8, 0.3, 0.9])
     jacobian, dt, eps = np.zeros((N, N)), 0.05, 1e-6
     for j in range(N):
@@ -185,7 +187,7 @@ def test_covariance_is_carried_by_the_jacobian_of_the_motion():
     a = np.random.default_rng(3).normal(size=(N, N))
     cov = (a @ a.T).copy()
     p = cov.ravel().copy()
-    advance_covariance(x0, p, dt, quiet)
+    advance_covariance(x0, p, dt, quiet, 0.5)
     assert p.reshape(N, N) == pytest.approx(jacobian @ cov @ jacobian.T, abs=2e-3)
 
 

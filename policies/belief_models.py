@@ -1,0 +1,98 @@
+"""Two ways a board may be driven, filtered side by side: an interacting multiple model (Blom and Bar-Shalom 1988).
+
+One size of acceleration does not fit all: what follows the paper's Hard-I law (1.6 m/s^2) doubles the errors of speed
+and position on the published noise where the speed hardly changes. Both models are the same motion with different noise
+(`belief_motion.drive_sigma`); the measurements say which holds.
+"""
+
+from __future__ import annotations
+
+import math
+
+from kernel import njit
+from policies.belief_motion import CALM, CALM_FOR, LIVELY_FOR, N, drive_sigma, wrap
+
+MODELS = 2
+MODEL_DIM = N + N * N  # state, then covariance (row-major)
+_LEAST = 0.005  # a model is never given up
+
+
+@njit
+def model_state(models, j):
+    """State and covariance of model `j` in `models` (MODELS * MODEL_DIM,), as views."""
+    at = j * MODEL_DIM
+    return models[at : at + N], models[at + N : at + MODEL_DIM]
+
+
+@njit
+def combine(weights, models, x, p):
+    """Mean (`x` (8,)) and covariance (`p` (64,)) of the mixture."""
+    first, _ = model_state(models, 0)
+    x[:] = 0.0
+    for j in range(MODELS):
+        state, _ = model_state(models, j)
+        for a in range(N):
+            difference = wrap(state[a] - first[a]) if a == 3 else state[a] - first[a]
+            x[a] += weights[j] * difference
+    for a in range(N):
+        x[a] += first[a]
+    x[3] = wrap(x[3])
+    p[:] = 0.0
+    for j in range(MODELS):
+        state, covariance = model_state(models, j)
+        for a in range(N):
+            da = wrap(state[a] - x[a]) if a == 3 else state[a] - x[a]
+            for b in range(N):
+                db = wrap(state[b] - x[b]) if b == 3 else state[b] - x[b]
+                p[a * N + b] += weights[j] * (covariance[a * N + b] + da * db)
+
+
+@njit
+def settled(params, j):
+    """Probability of model `j` where nothing has been measured for long."""
+    both = params[CALM_FOR] + params[LIVELY_FOR]
+    return (params[CALM_FOR] if j == CALM else params[LIVELY_FOR]) / both
+
+
+@njit
+def mix(weights, models, dt, params, prior, mixed, scratch):
+    """What each model starts from after `dt` s in which the way of driving may have changed.
+
+    `prior` (MODELS,) gets the models' probabilities before the next measurement, `mixed` their states; `scratch`
+    (MODELS,).
+    """
+    kept = math.exp(-dt * (1.0 / params[CALM_FOR] + 1.0 / params[LIVELY_FOR]))
+    for j in range(MODELS):
+        total = 0.0
+        for i in range(MODELS):
+            scratch[i] = weights[i] * ((1.0 - kept) * settled(params, j) + (kept if i == j else 0.0))
+            total += scratch[i]
+        prior[j] = total
+        for i in range(MODELS):
+            scratch[i] /= total
+        x, p = model_state(mixed, j)
+        combine(scratch, models, x, p)
+
+
+@njit
+def judge(prior, misfits, weights):
+    """Probabilities after a measurement whose -2 log likelihood under each model is `misfits`, into `weights`."""
+    least = misfits[0]
+    for j in range(1, MODELS):
+        least = min(least, misfits[j])
+    total = 0.0
+    for j in range(MODELS):
+        weights[j] = prior[j] * math.exp(-0.5 * (misfits[j] - least)) + _LEAST
+        total += weights[j]
+    for j in range(MODELS):
+        weights[j] /= total
+
+
+@njit
+def start_models(x, p, params, weights, models):
+    """Every model from one state; how large the acceleration may be is each one's own."""
+    for j in range(MODELS):
+        state, covariance = model_state(models, j)
+        state[:], covariance[:] = x, p
+        covariance[7 * (N + 1)] = drive_sigma(params, float(j)) ** 2
+        weights[j] = settled(params, j)
