@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kernel import njit
-from policies.belief_models import MODEL_DIM, MODELS, combine, judge, mix, model_state, settled, start_models
+from policies.belief_models import MODEL_DIM, MODELS, combine, judge, mix, model_state, start_models
 from policies.belief_motion import (
     ACCEL_TAU,
     BIAS_HEADING,
@@ -43,7 +43,6 @@ from policies.belief_motion import (
     N,
     advance,
     advance_state,
-    drive_sigma,
     steps_in,
     wrap,
 )  # fmt: skip
@@ -66,7 +65,7 @@ B_WEIGHTS = B_CANDIDATE_Z + M  # of the ways of driving
 _ALL = MODELS * MODEL_DIM
 _MODELS = B_WEIGHTS + MODELS
 _TRIAL, _PRIOR, _MISFIT = _MODELS + _ALL, _MODELS + 2 * _ALL, _MODELS + 2 * _ALL + MODELS  # scratch
-BELIEF_DIM = _MISFIT + MODELS
+BELIEF_DIM = _MISFIT + 2 * MODELS
 
 ACCEPTED, RESTARTED, GATED, OUT_OF_ORDER, NOT_FINITE, IMPLAUSIBLE = 0, 1, 2, 3, 4, 5
 CODES = ("accepted", "restarted", "gated", "out_of_order", "not_finite", "implausible")
@@ -112,8 +111,8 @@ def _start(row, t, z, r, params, restart):
     row[B_X + 4], row[B_X + 5] = speed, turn
     row[B_P + 4 * (N + 1)] = params[SPEED_SIGMA] ** 2
     row[B_P + 5 * (N + 1)] = params[TURN_SIGMA] ** 2
-    row[B_P + 7 * (N + 1)] = drive_sigma(params, settled(params, LIVELY)) ** 2
-    start_models(row[B_X:B_P], row[B_P:B_T], params, row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL])
+    start_models(row[B_X:B_P], row[B_P:B_T], params, r, row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL])
+    combine(row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL], row[B_X:B_P], row[B_P:B_T])
     row[B_T], row[B_FIRST_T], row[B_STREAK], row[B_CANDIDATES] = t, t, 1.0, 0.0
     row[B_ACCEPTED] += 1.0
 
@@ -160,7 +159,7 @@ def belief_update(row, t, z, r, params):
     weights, models, trial = row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL], row[_TRIAL:_PRIOR]
     prior, misfits = row[_PRIOR:_MISFIT], row[_MISFIT:BELIEF_DIM]
     dt = t - row[B_T]
-    mix(weights, models, dt, params, prior, trial, misfits)
+    mix(weights, models, dt, params, r, prior, trial, misfits)
     nis = math.inf
     for j in range(MODELS):
         x, p = model_state(trial, j)

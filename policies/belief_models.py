@@ -1,8 +1,8 @@
 """Two ways a board may be driven, filtered side by side: an interacting multiple model (Blom and Bar-Shalom 1988).
 
-One size of acceleration does not fit all: what follows the paper's Hard-I law (1.6 m/s^2) doubles the errors of speed
-and position on the published noise where the speed hardly changes. Both models are the same motion with different noise
-(`belief_motion.drive_sigma`); the measurements say which holds.
+One size of acceleration does not fit all: what follows the paper's Hard-I law (1.6 m/s^2) adds half to the errors of
+speed on the published noise where the speed hardly changes; where measurements are good it costs nothing. Both models
+are the same motion with another acceleration; the measurements, and how good they are, say which holds.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from kernel import njit
-from policies.belief_motion import CALM, CALM_FOR, LIVELY_FOR, N, drive_sigma, wrap
+from policies.belief_motion import CALM, CALM_NOISE, LIVELY, SETTLE, N, drive_sigma, wrap
 
 MODELS = 2
 MODEL_DIM = N + N * N  # state, then covariance (row-major)
@@ -48,30 +48,32 @@ def combine(weights, models, x, p):
 
 
 @njit
-def settled(params, j):
-    """Probability of model `j` where nothing has been measured for long."""
-    both = params[CALM_FOR] + params[LIVELY_FOR]
-    return (params[CALM_FOR] if j == CALM else params[LIVELY_FOR]) / both
+def expected(params, r, out):
+    """Probability of each model before anything is known but the noise of positions (variances `r`), into `out`."""
+    noise = 0.5 * (r[0] + r[1])
+    out[CALM] = noise / (noise + params[CALM_NOISE] ** 2)
+    out[LIVELY] = 1.0 - out[CALM]
 
 
 @njit
-def mix(weights, models, dt, params, prior, mixed, scratch):
+def mix(weights, models, dt, params, r, prior, mixed, scratch):
     """What each model starts from after `dt` s in which the way of driving may have changed.
 
-    `prior` (MODELS,) gets the models' probabilities before the next measurement, `mixed` their states; `scratch`
-    (MODELS,).
+    `r`: variances of what is measured then. `prior` (MODELS,) gets the models' probabilities before that, `mixed` their
+    states; `scratch` (2 * MODELS,).
     """
-    kept = math.exp(-dt * (1.0 / params[CALM_FOR] + 1.0 / params[LIVELY_FOR]))
+    kept, share, usual = math.exp(-dt / params[SETTLE]), scratch[:MODELS], scratch[MODELS:]
+    expected(params, r, usual)
     for j in range(MODELS):
         total = 0.0
         for i in range(MODELS):
-            scratch[i] = weights[i] * ((1.0 - kept) * settled(params, j) + (kept if i == j else 0.0))
-            total += scratch[i]
+            share[i] = weights[i] * ((1.0 - kept) * usual[j] + (kept if i == j else 0.0))
+            total += share[i]
         prior[j] = total
         for i in range(MODELS):
-            scratch[i] /= total
+            share[i] /= total
         x, p = model_state(mixed, j)
-        combine(scratch, models, x, p)
+        combine(share, models, x, p)
 
 
 @njit
@@ -89,10 +91,10 @@ def judge(prior, misfits, weights):
 
 
 @njit
-def start_models(x, p, params, weights, models):
+def start_models(x, p, params, r, weights, models):
     """Every model from one state; how large the acceleration may be is each one's own."""
+    expected(params, r, weights)
     for j in range(MODELS):
         state, covariance = model_state(models, j)
         state[:], covariance[:] = x, p
         covariance[7 * (N + 1)] = drive_sigma(params, float(j)) ** 2
-        weights[j] = settled(params, j)

@@ -13,7 +13,7 @@ N = 8  # state: [x, y, z, heading, speed, turn_rate, inclination, acceleration]
 
 (GATE, REACCEPT, REACCEPT_LOSS, MAX_SPEED, MAX_TURN, SPEED0, SPEED_SIGMA, TURN_SIGMA, ACCEL_SIGMA, ACCEL_TAU,
  Q_SPEED, Q_TURN, Q_HEADING, Q_POSITION, Q_INCLINATION, BIAS_HEADING, BIAS_INCLINATION, LAMBDA_RHO,
- LOSS_AFTER, VALID_AFTER, MAX_AGE, QUIET, BUSY_SPEED, CALM_ACCEL, CALM_FOR, LIVELY_FOR) = range(26)  # fmt: skip
+ LOSS_AFTER, VALID_AFTER, MAX_AGE, QUIET, BUSY_SPEED, CALM_ACCEL, CALM_NOISE, SETTLE) = range(26)  # fmt: skip
 CALM, LIVELY = 0, 1  # how the board may be driven
 STEP = 0.05  # s, longest step of the prediction
 
@@ -31,8 +31,8 @@ class BeliefParams:
     `loss_after` s after the last exposure: a 20 Hz detector 60 ms late is 110 ms old without any loss, and
     lambda_rho 2 halves rho in 0.35 s, in which CTRV errs by about 3 cm. Valid: `valid_after` accepted, age < `max_age`.
     A board is driven calmly or lively (see `belief_models`): calmly, the acceleration's size is `calm_accel`, which is
-    enough for the paper's OU speeds. It is driven so for `calm_for` and `lively_for` s on average, which decides where
-    measurements are too noisy to tell.
+    enough for the paper's OU speeds. Which is expected depends on what it costs to be wrong: both as much where
+    positions are measured to `calm_noise` m, lively where they are better, calm where worse; evidence counts for `settle` s.
     A car that stands goes on standing: the noise of speed, turn rate and acceleration is scaled by `quiet` +
     (|speed| + 2 |acceleration|) / `busy_speed`, at most 1.
     """
@@ -61,17 +61,16 @@ class BeliefParams:
     quiet: float = 0.2
     busy_speed: float = 1.5
     calm_accel: float = 0.3
-    calm_for: float = 4.0
-    lively_for: float = 1.0
+    calm_noise: float = 0.02
+    settle: float = 0.5
 
     def __post_init__(self) -> None:
         for name, value in zip(self.__dataclass_fields__, astuple(self), strict=True):
             if not math.isfinite(value) or (value < 0.0 and name != "speed0"):
                 raise ValueError(f"belief parameter {name} is {value}; give a finite number that is not negative")
-        if min(self.accel_tau, self.busy_speed, self.calm_for, self.lively_for, self.gate) <= 0.0 or self.reaccept < 2:
+        if min(self.accel_tau, self.busy_speed, self.settle, self.gate) <= 0.0 or self.reaccept < 2:
             raise ValueError(
-                "belief parameters accel_tau, busy_speed, calm_for, lively_for and gate must be positive, reaccept at "
-                "least 2"
+                "belief parameters accel_tau, busy_speed, settle and gate must be positive, reaccept at least 2"
             )
 
     def row(self) -> np.ndarray:

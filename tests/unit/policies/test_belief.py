@@ -43,12 +43,12 @@ def motion(kind, t, rng, state):
     return speed, speed * curvature
 
 
-def run(kind, seed, sigma=0.03, angle=0.03, lost=(), period=6, seconds=6.0):
+def run(kind, seed, sigma=0.03, angle=0.03, lost=(), period=6, seconds=6.0, params=None):
     """Feed a filter at 200 / period Hz; returns it with NIS, NEES of position and of speed and turn rate, and truth.
 
     What is measured wanders about the truth as the filter expects of calibration and odometry.
     """
-    rng, filter_ = stream(seed, 1), BoardFilter()
+    rng, filter_ = stream(seed, 1), BoardFilter(params)
     state = np.array([0.0, 0.0, 0.3 * seed, 0.0, seed * 1.7])
     nis, nees, speeds, codes = [], [], [], []
     truth, wander = np.zeros(8), np.zeros(5)
@@ -172,9 +172,8 @@ def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
 
 
 def test_covariance_is_carried_by_the_jacobian_of_the_motion():
-    quiet = BeliefParams(
-        q_speed=0, q_turn=0, q_heading=0, q_position=0, q_inclination=0, accel_sigma=0, calm_accel=0, calm_turn=0
-    ).row()
+    still = ("q_speed", "q_turn", "q_heading", "q_position", "q_inclination", "accel_sigma", "calm_accel")
+    quiet = BeliefParams(**dict.fromkeys(still, 0.0)).row()
     x0 = np.array([0.0, 0.0, 1.5, 0.4, 1.7, 0.8, 0.3, 0.9])
     jacobian, dt, eps = np.zeros((N, N)), 0.05, 1e-6
     for j in range(N):
