@@ -19,6 +19,7 @@ import zenoh
 
 CLOCK = "perch/clock"
 STEP_NS = 50_000_000  # of the date: no slewing is as quick between two looks
+_AGAIN_S = 0.05
 _WINDOW = 20  # readings of which the best counts; the older ones have drifted away
 _ANSWER = struct.Struct("<qq")
 
@@ -81,14 +82,19 @@ class ClockWatch:
         self._first: Clock | None = None
 
     def measure(self, tries: int = 15, limit_s: float = 5.0) -> Clock:
-        """Ask `tries` times, one after the other. Raises TimeoutError if no answer comes within `limit_s`."""
+        """Ask for `tries` answers, one after the other. Raises TimeoutError if none comes within `limit_s`.
+
+        A hub lets leaves in a moment before it answers, and a question that nobody takes comes back at once.
+        """
         until = time.monotonic() + limit_s
-        for _ in range(tries):
+        while tries and time.monotonic() < until:
             began = time.monotonic_ns()
             for reply in self._session.get(CLOCK, timeout=1.0):
                 self._take(began, reply)
-            if time.monotonic() > until:
-                break
+            if self.best is None:
+                time.sleep(_AGAIN_S)
+            else:
+                tries -= 1
         best = self.best
         if best is None:
             raise TimeoutError("the hub does not tell its clock: is it a hub of perch-hil?")

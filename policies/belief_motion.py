@@ -32,7 +32,7 @@ class BeliefParams:
     lambda_rho 2 halves rho in 0.35 s, in which CTRV errs by about 3 cm. Valid: `valid_after` accepted, age < `max_age`.
     A board is driven calmly or lively (see `belief_models`): calmly, the acceleration's size is `calm_accel`, which is
     enough for the paper's OU speeds. Which is expected depends on what it costs to be wrong: both as much where
-    positions are measured to `calm_noise` m, lively where they are better, calm where worse; evidence counts for `settle` s.
+    positions are measured to `calm_noise` m, lively where better, calm where worse; evidence counts for `settle` s.
     A car that stands goes on standing: the noise of speed, turn rate and acceleration is scaled by `quiet` +
     (|speed| + 2 |acceleration|) / `busy_speed`, at most 1.
     """

@@ -1,9 +1,12 @@
 """Comparing clocks: the truth lies within the stated error, the least round trip counts, a step of the date is told."""
 
+import struct
+
 import hypothesis.strategies as st
+import pytest
 from hypothesis import given
 
-from hil.bus_clock import STEP_NS, DateWatch, clock_id, compare
+from hil.bus_clock import STEP_NS, ClockWatch, DateWatch, clock_id, compare
 
 SECOND = 1_000_000_000
 TRIP = st.integers(0, SECOND)
@@ -59,3 +62,37 @@ def test_slewing_is_no_step(slews):
         clocks.run(SECOND)
         clocks.date_ns += slew
         assert watch.text() == ""
+
+
+class Hub:
+    """A session whose hub lets leaves in before it answers questions."""
+
+    class Reply:
+        class ok:
+            class payload:
+                @staticmethod
+                def to_bytes():
+                    return struct.pack("<qq", 5, 7)
+
+            class attachment:
+                @staticmethod
+                def to_bytes():
+                    return clock_id()
+
+    def __init__(self, silent):
+        self.asked, self._silent = 0, silent
+
+    def get(self, *_, **__):
+        self.asked += 1
+        return [] if self.asked <= self._silent else [self.Reply]
+
+
+def test_a_hub_that_does_not_answer_yet_is_asked_again():
+    hub = Hub(silent=3)
+    assert ClockWatch(hub).measure(tries=4).shared
+    assert hub.asked == 3 + 4
+
+
+def test_a_hub_that_never_answers_is_given_up():
+    with pytest.raises(TimeoutError, match="does not tell its clock"):
+        ClockWatch(Hub(silent=10**6)).measure(limit_s=0.2)
