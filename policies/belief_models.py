@@ -1,8 +1,9 @@
 """Two ways a board may be driven, filtered side by side: an interacting multiple model (Blom and Bar-Shalom 1988).
 
 One size of acceleration does not fit all: what follows the paper's Hard-I law (1.6 m/s^2) adds half to the errors of
-speed on the published noise where the speed hardly changes; where measurements are good it costs nothing. Both models
-are the same motion with another acceleration; the measurements, and how good they are, say which holds.
+speed on the published noise where the speed hardly changes; where measurements are good it costs nothing, and any delay
+in following a board that brakes costs perches. Both models are the same motion with another acceleration; the
+measurements say which holds, and how good they are whether there is a question.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from policies.belief_motion import CALM, CALM_NOISE, LIVELY, SETTLE, N, drive_si
 
 MODELS = 2
 MODEL_DIM = N + N * N  # state, then covariance (row-major)
-_LEAST = 0.005  # a model is never given up
+_SURE = 0.95  # a calm board may always set off
 
 
 @njit
@@ -27,7 +28,10 @@ def model_state(models, j):
 @njit
 def combine(weights, models, x, p):
     """Mean (`x` (8,)) and covariance (`p` (64,)) of the mixture."""
-    first, _ = model_state(models, 0)
+    likeliest = 0
+    for j in range(1, MODELS):
+        likeliest = j if weights[j] > weights[likeliest] else likeliest
+    first, _ = model_state(models, likeliest)
     x[:] = 0.0
     for j in range(MODELS):
         state, _ = model_state(models, j)
@@ -50,8 +54,8 @@ def combine(weights, models, x, p):
 @njit
 def expected(params, r, out):
     """Probability of each model before anything is known but the noise of positions (variances `r`), into `out`."""
-    noise = 0.5 * (r[0] + r[1])
-    out[CALM] = noise / (noise + params[CALM_NOISE] ** 2)
+    noise = math.sqrt(0.5 * (r[0] + r[1])) / params[CALM_NOISE]
+    out[CALM] = _SURE * min(1.0, max(0.0, noise - 1.0))
     out[LIVELY] = 1.0 - out[CALM]
 
 
@@ -71,7 +75,7 @@ def mix(weights, models, dt, params, r, prior, mixed, scratch):
             total += share[i]
         prior[j] = total
         for i in range(MODELS):
-            share[i] /= total
+            share[i] = share[i] / total if total > 0.0 else weights[i]
         x, p = model_state(mixed, j)
         combine(share, models, x, p)
 
@@ -79,12 +83,12 @@ def mix(weights, models, dt, params, r, prior, mixed, scratch):
 @njit
 def judge(prior, misfits, weights):
     """Probabilities after a measurement whose -2 log likelihood under each model is `misfits`, into `weights`."""
-    least = misfits[0]
-    for j in range(1, MODELS):
-        least = min(least, misfits[j])
+    least = math.inf
+    for j in range(MODELS):
+        least = min(least, misfits[j]) if prior[j] > 0.0 else least
     total = 0.0
     for j in range(MODELS):
-        weights[j] = prior[j] * math.exp(-0.5 * (misfits[j] - least)) + _LEAST
+        weights[j] = prior[j] * math.exp(-0.5 * (misfits[j] - least)) if prior[j] > 0.0 else 0.0
         total += weights[j]
     for j in range(MODELS):
         weights[j] /= total

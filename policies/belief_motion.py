@@ -31,8 +31,8 @@ class BeliefParams:
     `loss_after` s after the last exposure: a 20 Hz detector 60 ms late is 110 ms old without any loss, and
     lambda_rho 2 halves rho in 0.35 s, in which CTRV errs by about 3 cm. Valid: `valid_after` accepted, age < `max_age`.
     A board is driven calmly or lively (see `belief_models`): calmly, the acceleration's size is `calm_accel`, which is
-    enough for the paper's OU speeds. Which is expected depends on what it costs to be wrong: both as much where
-    positions are measured to `calm_noise` m, lively where better, calm where worse; evidence counts for `settle` s.
+    enough for the paper's OU speeds. Where positions are measured better than `calm_noise` m it is taken to be lively,
+    from twice that on it is expected to be calm; evidence counts for `settle` s.
     A car that stands goes on standing: the noise of speed, turn rate and acceleration is scaled by `quiet` +
     (|speed| + 2 |acceleration|) / `busy_speed`, at most 1.
     """
@@ -61,7 +61,7 @@ class BeliefParams:
     quiet: float = 0.2
     busy_speed: float = 1.5
     calm_accel: float = 0.3
-    calm_noise: float = 0.02
+    calm_noise: float = 0.03
     settle: float = 0.5
 
     def __post_init__(self) -> None:

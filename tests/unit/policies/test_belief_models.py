@@ -5,7 +5,7 @@ import pytest
 
 from policies import belief as b
 from policies.belief_models import MODEL_DIM, MODELS, combine, expected, judge, mix, model_state
-from policies.belief_motion import LIVELY, BeliefParams, N
+from policies.belief_motion import CALM, LIVELY, BeliefParams, N
 from tests.unit.policies.test_belief import run
 
 PARAMS = BeliefParams()
@@ -59,7 +59,7 @@ def test_headings_on_both_sides_of_pi_meet_there():
 def test_what_was_seen_long_ago_does_not_count_and_noise_decides():
     weights, models = mixture(1)
     prior, mixed, usual = np.zeros(MODELS), np.zeros_like(models), np.zeros(MODELS)
-    for sigma, calm in ((PARAMS.calm_noise, 0.5), (0.1, 25 / 26), (0.004, 1 / 26)):
+    for sigma, calm in ((0.02, 0.0), (1.5 * PARAMS.calm_noise, 0.475), (0.2, 0.95)):
         r = np.full(5, sigma**2)
         expected(PARAMS.row(), r, usual)
         mix(weights, models, 60.0, PARAMS.row(), r, prior, mixed, np.zeros(2 * MODELS))
@@ -67,16 +67,25 @@ def test_what_was_seen_long_ago_does_not_count_and_noise_decides():
         assert prior == pytest.approx(usual)
 
 
-def test_a_model_that_explains_nothing_is_not_given_up():
+def test_the_likelier_model_gains_and_one_that_is_not_in_question_stays_out():
     weights = np.zeros(MODELS)
-    judge(np.array([0.5, 0.5]), np.array([3.0, 900.0]), weights)
-    assert 0.0 < weights[LIVELY] < 0.01
-    assert weights.sum() == pytest.approx(1.0)
+    judge(np.array([0.5, 0.5]), np.array([3.0, 9.0]), weights)
+    assert weights[CALM] == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))
+    judge(np.array([0.0, 1.0]), np.array([3.0, 9000.0]), weights)
+    assert weights.tolist() == [0.0, 1.0]
+
+
+def test_good_measurements_leave_one_filter():
+    ends = [
+        run("cosine", 1, 0.01, 0.01, params=BeliefParams(calm_accel=accel))[0].row[b.B_X : b.B_T]
+        for accel in (0.3, 1.5)
+    ]
+    assert np.array_equal(*ends)
 
 
 def test_the_way_it_is_driven_is_told_from_what_is_seen():
     def lively(kind):  # the cosine brakes hardest at 5.25 s
-        return np.mean([run(kind, k, 0.02, 0.01, seconds=5.3)[0].row[b.B_WEIGHTS + LIVELY] for k in range(6)])
+        return np.mean([run(kind, k, 0.05, 0.01, seconds=5.3)[0].row[b.B_WEIGHTS + LIVELY] for k in range(6)])
 
     assert lively("cosine") > 1.2 * lively("ou")
 
