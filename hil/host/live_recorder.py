@@ -55,6 +55,23 @@ class Sorter:
         return ready
 
 
+class Ending:
+    """When to end: once asked to, or long enough after everybody is gone that the safe state is in the recording."""
+
+    def __init__(self) -> None:
+        self.due, self._alone_s = False, 0.0
+
+    def ask(self) -> None:
+        """End (safe in a signal handler). Nothing takes it back."""
+        self.due = True
+
+    def look(self, alone: bool, now_s: float) -> None:
+        """Note whether somebody is still there to say when to end."""
+        if alone:
+            self._alone_s = self._alone_s or now_s
+            self.due = self.due or now_s - self._alone_s > _WITNESS_S
+
+
 def record(spec: LiveSpec) -> int:
     """Record until stopped. Raises RecordingError if that is not possible, BusError without a hub."""
     assert spec.folder is not None
@@ -63,19 +80,17 @@ def record(spec: LiveSpec) -> int:
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
     # it has time and much to do: each hand-over of the interpreter costs a wait for the processor on a busy machine
     sys.setswitchinterval(2e-2)
-    state, presence = {"stop": False, "orders": [], "told": 0.0}, Presence()
+    state, presence, ending = {"orders": [], "told": 0.0}, Presence(), Ending()
     period_ns = _PREVIEW_NS if spec.pictures == "preview" else 0
     mailbox = Mailbox(depth=8192, pictures=60, urgent=(), picture_period_ns=period_ns)
     sorter, seen = Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
-        state[
-            "stop"
-        ] = not presence.orphaned_soon()  # else the signal tells of the parent's death, and others still land
+        if not presence.orphaned_soon():  # else the signal tells of the parent's death, and others still land
+            ending.ask()
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
-    orphaned_s = 0.0
 
     def take(order: dict[str, Any]) -> None:
         presence.heard()
@@ -100,13 +115,13 @@ def record(spec: LiveSpec) -> int:
         run_time = RunTime(bus.clock())
         gc.collect()
         gc.freeze()  # a look at everything that was imported takes a tenth of a second
-        while not state["stop"]:
+        while not ending.due:
             time.sleep(_TURN_S)
             for order in _orders(state["orders"]):
                 if order.get("order") == "go":
                     run_time.begin(int(order["epoch_ns"]))
                 elif order.get("order") == "stop" and order.get("service") == "recorder":
-                    state["stop"] = True
+                    ending.ask()
             for letter in mailbox.drain():
                 seen.note(letter)
                 sorter.add(letter)
@@ -114,9 +129,8 @@ def record(spec: LiveSpec) -> int:
                 for now, letter in sorter.take(run_time.now()):
                     recorder(now, letter.topic, letter.message)
                     tell(bus, "running", _TELL_S)  # busy with much at once is not dead
-            if tell(bus, "running" if run_time.begun else "ready", _TELL_S) and presence.gone():
-                orphaned_s = orphaned_s or state["told"]  # the safe state that follows is recorded
-                state["stop"] = state["told"] - orphaned_s > _WITNESS_S
+            if tell(bus, "running" if run_time.begun else "ready", _TELL_S):
+                ending.look(bool(presence.gone()), state["told"])
         for letter in mailbox.drain():
             seen.note(letter)
             sorter.add(letter)
