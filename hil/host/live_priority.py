@@ -55,10 +55,11 @@ def _run_in_real_time(priority: int) -> bool:
     """Whether it was permitted. Never on a single core: a service that runs wild would leave nothing to its judge."""
     if (os.cpu_count() or 1) < 2:
         return False
-    with suppress(OSError):
+    try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-        return True
-    return False
+    except OSError:
+        return False
+    return True
 
 
 def _weigh_session(nice: int) -> None:
