@@ -1,4 +1,5 @@
-"""Whatever can be put through the tables, by name: a network, the planners, the expert that knows the future."""
+"""Whatever can be put through the tables, by name: a network, the planners, the expert that knows the future, and the
+paper's model-based baseline."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from policies.baselines.fast_perching_policy import FastPerching
 from policies.contract import check_contract, open_policy
 from policies.env import Env
 from policies.env_config import EnvConfig
@@ -15,7 +17,7 @@ from policies.env_planner import ANALYTIC, LEARNED, PlannerInEnv
 from policies.env_teacher import Teacher
 from policies.evaluate import Policy
 
-NAMES = ("planner", "planner-analytic", "expert")
+NAMES = ("planner", "planner-analytic", "expert", "fast-perching", "fast-perching-ctrv")
 
 
 class OnnxPolicy:
@@ -63,10 +65,13 @@ class Contender:
 
 
 def open_contender(name: str) -> Contender:
-    """`planner` (it predicts by a network), `planner-analytic`, `expert` (with foresight), or an ONNX file's path.
+    """`planner` (it predicts by a network), `planner-analytic`, `expert` (with foresight), `fast-perching` (which takes
+    the board to go straight on), `fast-perching-ctrv` (or to keep its turn rate), or an ONNX file's path.
 
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
     """
+    if name.startswith("fast-perching") and name in NAMES:
+        return Contender(name, FastPerching(turning=name.endswith("ctrv")), "state")
     if name == "expert":
         return Contender(name, Expert(), "vision")
     if name in NAMES:

@@ -22,6 +22,7 @@ from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import EnvConfig
 from policies.env_expert import ExpertParams
+from policies.env_finisher import Finisher, Labels
 from policies.env_planner import PlannerTeacher
 from policies.env_teacher import Teacher
 from policies.network import FORESEEN, Actor, NetworkConfig
@@ -38,7 +39,9 @@ class DaggerConfig:
     `near`: extra weight of a sample close to the board. `ignore`: s before the teacher's contact without labels.
     `foresee`: weight of the auxiliary loss that makes the trunk foretell where the board will be. `average`: decay of
     the averaged weights, which are what flies. `teacher`: how the expert plans; `watchful`: the planner teaches in its
-    place, which knows the future as well, but commits only when what the camera has shown would do."""
+    place, which knows the future as well, but commits only when what the camera has shown would do. `finisher`: a
+    policy of the state stage that teaches, on the truth, within `finish_within` m of a board that is inclined by less
+    than `finish_flatter` rad; see `env_finisher`."""
 
     samples: int = 8_000_000
     horizon: int = 32
@@ -56,6 +59,9 @@ class DaggerConfig:
     huber: float = 0.1
     average: float = 0.995
     watchful: bool = False
+    finisher: str = ""
+    finish_within: float = 2.5
+    finish_flatter: float = math.radians(18.0)
     teacher: ExpertParams = field(default_factory=ExpertParams)
 
 
@@ -112,7 +118,11 @@ class Dagger:
         self.rng = np.random.default_rng([env.seed, 1])
         self.env = Env(env)
         self.env.reset()
-        self.teacher = PlannerTeacher(self.env) if config.watchful else Teacher(self.env, config.teacher)
+        self.teacher: Labels = PlannerTeacher(self.env) if config.watchful else Teacher(self.env, config.teacher)
+        if config.finisher:
+            self.teacher = Finisher(
+                self.env, self.teacher, config.finisher, config.finish_within, config.finish_flatter
+            )
         self.replay = Replay(min(config.replay, config.samples))
         self.samples = 0
 

@@ -1,0 +1,160 @@
+"""Planning a perch as Fast-Perching does: least snap, time and skid under penalties, by L-BFGS from a guess or the last
+plan. Ji et al., IROS 2022; weights and settings are those of its published launch file where the airframe has none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from policies.baselines import fast_perching_cost as fp
+from policies.baselines.min_snap import PIECES, basis, min_snap
+from policies.observation import THRUST_MAX, THRUST_MIN
+from vehicle.airframe import GRAVITY
+
+_MEMORY, _PAST, _DELTA = 32, 3, 1e-4
+_MOST_ITERATIONS = 300
+_CALM, _LONGEST = 1.5, 20.0  # a guess may turn this much faster than allowed, and last no longer than this (s)
+
+
+@dataclass(frozen=True)
+class FastPerchingParams:
+    """Limits (m/s, m/s^2, rad/s), body and board's radius (m), speed into the board (m/s), floor (m)."""
+
+    speed_max: float = 6.0
+    thrust_min: float = THRUST_MIN
+    thrust_max: float = THRUST_MAX
+    rate_max: float = 3.0
+    robot_l: float = 0.02
+    robot_r: float = 0.13
+    board_r: float = 1.0
+    closing: float = 0.3
+    floor: float = 0.4
+    gravity: float = GRAVITY
+
+    def row(self) -> np.ndarray:
+        """The (SETTINGS_DIM,) row for kernels."""
+        row = np.zeros(fp.SETTINGS_DIM)
+        row[[fp.SPEED_MAX, fp.THRUST_MIN, fp.THRUST_MAX, fp.RATE_MAX]] = (
+            self.speed_max,
+            self.thrust_min,
+            self.thrust_max,
+            self.rate_max,
+        )
+        row[[fp.ROBOT_L, fp.ROBOT_R, fp.BOARD_R, fp.CLOSING]] = self.robot_l, self.robot_r, self.board_r, self.closing
+        row[[fp.FLOOR, fp.GRAVITY]] = self.floor, self.gravity
+        return row
+
+
+@dataclass(frozen=True)
+class PerchPlan:
+    """`pieces` ((PIECES, ORDER, 3)), time counted in pieces of `seconds`; the `variables` and `cost` behind them."""
+
+    pieces: np.ndarray
+    seconds: float
+    variables: np.ndarray
+    cost: float
+
+    @property
+    def duration(self) -> float:
+        """Seconds to contact."""
+        return PIECES * self.seconds
+
+    def at(self, t: float) -> np.ndarray:
+        """Position, velocity, acceleration and jerk ((4, 3)) at `t` s, of the ends before and after them."""
+        along = min(max(t / self.seconds, 0.0), float(PIECES))
+        k = min(int(along), PIECES - 1)
+        return np.array([basis(along - k, d) @ self.pieces[k] / self.seconds**d for d in range(4)])
+
+
+def plan_perch(
+    start: np.ndarray, board: np.ndarray, params: FastPerchingParams, last: tuple[PerchPlan, float] | None = None
+) -> PerchPlan:
+    """The plan from `start` ((4, 3): position, velocity, acceleration, jerk; world) to `board` ((8,) platform row now).
+
+    `last`: the plan before and how many s of it are flown; it is where the search begins. Raises ValueError as
+    `load_search` does.
+    """
+    minimize = load_search()
+    curve, settings = min_snap(), params.row()
+    guess = _guess(start, board, settings) if last is None else _resample(*last)
+
+    def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
+        gradient = np.zeros(fp.VARIABLES)
+        value = fp.cost_and_gradient(x, start, board, settings, *curve[1:], gradient)
+        return value, gradient
+
+    options = {"maxcor": _MEMORY, "maxiter": _MOST_ITERATIONS, "ftol": 0.0, "gtol": 0.0}
+    found = minimize(cost, guess, jac=True, method="L-BFGS-B", options=options, callback=_Enough())
+    return _plan(found.x, float(found.fun), start, board, settings)
+
+
+class _Enough:
+    """Ends a search whose cost fell by less than _DELTA of itself over _PAST iterations."""
+
+    def __init__(self) -> None:
+        self._costs: list[float] = []
+
+    def __call__(self, intermediate_result) -> None:
+        self._costs.append(float(intermediate_result.fun))
+        if len(self._costs) > _PAST and self._costs[-1 - _PAST] - self._costs[-1] < _DELTA * abs(self._costs[-1]):
+            raise StopIteration
+
+
+def load_search():
+    """SciPy's minimiser. Raises ValueError, saying what to install, where there is none."""
+    try:
+        from scipy.optimize import minimize
+    except ImportError:
+        raise ValueError("Fast-Perching needs SciPy: pip install -e '.[train]' in the project's folder") from None
+    return minimize
+
+
+def _plan(x: np.ndarray, cost: float, start: np.ndarray, board: np.ndarray, settings: np.ndarray) -> PerchPlan:
+    boundary = np.zeros((3, fp.BOUNDARY))
+    seconds = fp.fill_boundary(x, start, board, settings, boundary, np.zeros(15))
+    pieces = np.einsum("kob,ib->koi", min_snap().coefficients, boundary)
+    return PerchPlan(pieces, seconds, x.copy(), cost)
+
+
+def _resample(plan: PerchPlan, flown: float) -> np.ndarray:
+    """The rest of a plan as variables."""
+    x = plan.variables.copy()
+    left = max(plan.duration - flown, 0.05)
+    x[fp.X_TIME] = fp.piece_variable(left / PIECES)
+    for k in range(1, PIECES):
+        x[fp.X_WAYPOINTS + 3 * (k - 1) : fp.X_WAYPOINTS + 3 * k] = plan.at(flown + left * k / PIECES)[0]
+    return x
+
+
+def _guess(start: np.ndarray, board: np.ndarray, settings: np.ndarray) -> np.ndarray:
+    """Way points on the one polynomial from here to a contact that comes late enough to turn calmly."""
+    duration = max(0.3, float(np.linalg.norm(board[:3] - start[0])) / settings[fp.SPEED_MAX])
+    x = np.zeros(fp.VARIABLES)
+    boundary, times = np.zeros((3, fp.BOUNDARY)), np.linspace(0.0, 1.0, 41)
+    while True:
+        x[fp.X_TIME] = fp.piece_variable(duration / PIECES)
+        h = fp.fill_boundary(x, start, board, settings, boundary, np.zeros(15))
+        ends = boundary[:, [0, 1, 2, 3, fp.END, fp.END + 1, fp.END + 2, fp.END + 3]]
+        ends = ends * np.tile((duration / h) ** np.arange(4), 2)
+        rows = [basis(t, d) for t in (0.0, 1.0) for d in range(4)]
+        whole = np.linalg.solve(np.array(rows), ends.T)
+        if (
+            _fastest_turn(whole, times, duration, settings[fp.GRAVITY]) <= _CALM * settings[fp.RATE_MAX]
+            or duration > _LONGEST
+        ):
+            break
+        duration += 1.0
+    for k in range(1, PIECES):
+        x[fp.X_WAYPOINTS + 3 * (k - 1) : fp.X_WAYPOINTS + 3 * k] = basis(k / PIECES, 0) @ whole
+    return x
+
+
+def _fastest_turn(whole: np.ndarray, times: np.ndarray, duration: float, gravity: float) -> float:
+    """Largest body rate (rad/s) along a polynomial ((ORDER, 3), time in durations)."""
+    force = np.array([basis(t, 2) @ whole for t in times]) / duration**2 + (0.0, 0.0, gravity)
+    jerk = np.array([basis(t, 3) @ whole for t in times]) / duration**3
+    size = np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-6)
+    up = force / size
+    across = jerk - up * (up * jerk).sum(1, keepdims=True)
+    return float(np.linalg.norm(across / size, axis=1).max())

@@ -1,0 +1,105 @@
+"""Fast-Perching flying the training environment's rows, as a contender: replanned at 10 Hz, tracked by our inner loop.
+
+The published code has no tracking controller (its odometry is the plan itself), so the one under our own planner tracks
+the plan here; contact geometry, drag and lags are the airframe's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kernel import njit
+from policies import planner_params as pp
+from policies.baselines.fast_perching import FastPerchingParams, PerchPlan, load_search, plan_perch
+from policies.env import Env
+from policies.env_config import TICK
+from policies.env_rows import S_STEP, X_P, X_Q, X_V
+from policies.observation import action_from_command
+from policies.planner_follow import face
+from policies.planner_policy import planner_params
+from policies.thrust_gain import G_GAIN
+from policies.tracking import track_force
+from vehicle.rotations import body_z
+
+_REPLAN, _LAST = 0.1, 0.5  # s: between plans; before contact the plan stays
+_OFF = 0.3  # m beside the plan: the next one starts from where the vehicle is
+
+
+@njit
+def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
+    """Normalised action (4,) that follows a plan: its states ((4, 3)) now, a rate lag and a thrust lag ahead.
+
+    `left` s to contact; position feedback fades out before it, as it would turn the body.
+    """
+    fade = min(1.0, max(0.0, left / params[pp.FADE]))
+    kp, kv = params[pp.TRACK_KP], params[pp.TRACK_KV]
+    force, fed, push = np.zeros(3), np.zeros(3), np.zeros(3)
+    for i in range(3):
+        back = kp * (now[0, i] - p[i]) + kv * (now[1, i] - v[i])
+        still = params[pp.DRAG] * v[i] + (params[pp.GRAVITY] if i == 2 else 0.0)
+        force[i] = now[2, i] + fade * back + still
+        fed[i] = ahead[2, i] + fade * back + still
+        push[i] = soon[2, i] + back + still
+    zx, zy, zz = body_z(q)
+    thrust = push[0] * zx + push[1] * zy + push[2] * zz
+    yaw_rate = face(q, p, board, params) if left > _LAST else 0.0
+    jerk = ahead[3] if left > 0.0 else np.zeros(3)
+    track_force(
+        q, force[0], force[1], force[2], fed[0], fed[1], fed[2], jerk[0], jerk[1], jerk[2], yaw_rate, thrust, gain,
+        params, out,
+    )  # fmt: skip
+    action_from_command(out.copy(), out)
+
+
+class FastPerching:
+    """The method as an `evaluate.Policy`. `turning`: it foretells the board at its turn rate too, not straight on."""
+
+    def __init__(self, turning: bool = False) -> None:
+        """Raises ValueError as `load_search` does."""
+        load_search()
+        self._turning = turning
+        self._env: Env | None = None
+
+    def __call__(self, env: Env) -> np.ndarray:
+        """Actions ((N, 4) in [-1, 1], overwritten by the next call)."""
+        if env is not self._env:
+            self._begin(env)
+        for i in range(env.config.count):
+            self._row(env, i)
+        return self._out
+
+    def _begin(self, env: Env) -> None:
+        count, params = env.config.count, planner_params(env.airframe)
+        self._env, self._track = env, params.row()
+        self._params = FastPerchingParams(robot_l=params.robot_l, robot_r=params.robot_r)
+        self._plans: list[tuple[PerchPlan, float] | None] = [None] * count
+        self._out = np.zeros((count, 4))
+
+    def _row(self, env: Env, i: int) -> None:
+        rows = env.rows
+        t, x = rows.state[i, S_STEP] * TICK, rows.scratch[i]
+        p, v, q = x[X_P : X_P + 3], x[X_V : X_V + 3], x[X_Q : X_Q + 4]
+        made = None if rows.done[i] else self._plans[i]
+        if made is None or (t - made[1] > _REPLAN - 0.5 * TICK and made[0].duration - (t - made[1]) > _LAST):
+            made = self._plan(made, t, p, v, q, rows.believed[i])
+        plan, begun = self._plans[i] = made
+        ahead = t - begun + self._track[pp.RATE_LAG]
+        soon = t - begun + self._track[pp.THRUST_LAG] + 0.5 * TICK
+        states = plan.at(t - begun), plan.at(ahead), plan.at(soon)
+        left = plan.duration - (t - begun)
+        track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, G_GAIN], self._track, self._out[i])
+
+    def _plan(
+        self, made: tuple[PerchPlan, float] | None, t: float, p: np.ndarray, v: np.ndarray, q: np.ndarray, seen
+    ) -> tuple[PerchPlan, float]:
+        board = seen.copy()
+        if not self._turning:
+            board[5] = 0.0
+        start = np.zeros((4, 3))
+        start[0], start[1] = p, v
+        if made is None:
+            return plan_perch(start, board, self._params), t
+        state = made[0].at(t - made[1])
+        if float(np.linalg.norm(state[0] - p)) < _OFF:
+            start = state
+        return plan_perch(start, board, self._params, (made[0], t - made[1])), t

@@ -1,0 +1,27 @@
+"""Fast-Perching on the training environment: it perches where its assumption holds."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from policies.contact import OUTCOME, SUCCESS
+from policies.contenders import open_contender
+from policies.evaluate import point, run_episodes
+
+
+def flown(name, **changes):
+    contender = open_contender(name)
+    config = replace(contender.config(None, 3), count=4, **{**point(1.0, 30.0), **changes})
+    return run_episodes(contender.policy, config)
+
+
+def test_it_perches_on_a_board_that_goes_straight_on():
+    ended = flown("fast-perching", families=(0, 1.0, 0, 0, 0, 0), laws=(1.0, 0, 0, 0))
+    assert np.count_nonzero(ended[:, OUTCOME] == SUCCESS) >= 3
+
+
+def test_on_a_circle_it_needs_the_turn_rate():
+    circle = {**point(3.0, 0.0), "families": (0, 0, 0, 0, 1.0, 0), "laws": (1.0, 0, 0, 0)}
+    flights = flown("fast-perching", **circle), flown("fast-perching-ctrv", **circle)
+    hits = [np.count_nonzero(rows[:, OUTCOME] == SUCCESS) for rows in flights]
+    assert hits[1] > hits[0]
