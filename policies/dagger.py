@@ -29,6 +29,8 @@ from policies.network import FORESEEN, Actor, NetworkConfig
 from policies.observation import NEWEST, OBS_DIM
 from policies.train_io import TrainingError, env_state, load_env
 
+PARENT = "parent"  # as a finisher: the policy of the run that training goes on from
+
 _AUX = np.array([k * 10 + axis for k in FORESEEN for axis in (0, 1)])  # columns of the future that are foretold
 
 
@@ -40,8 +42,8 @@ class DaggerConfig:
     `foresee`: weight of the auxiliary loss that makes the trunk foretell where the board will be. `average`: decay of
     the averaged weights, which are what flies. `teacher`: how the expert plans; `watchful`: the planner teaches in its
     place, which knows the future as well, but commits only when what the camera has shown would do. `finisher`: a
-    policy of the state stage that teaches, on the truth, within `finish_within` m of a board that is inclined by less
-    than `finish_flatter` rad; see `env_finisher`."""
+    policy of the state stage (PARENT: that of the parent) that teaches, on the truth, within `finish_within` m of a
+    board that is inclined by less than `finish_flatter` rad; see `env_finisher`."""
 
     samples: int = 8_000_000
     horizon: int = 32
