@@ -1,0 +1,57 @@
+"""Items of the camera and the board: each fault is seen by the item meant for it."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from made_up import context as make_context
+from preflight import result, with_slot
+
+from hil.check import bench_camera
+from hil.check.judge import Outcome
+from hil.check.registry import NotApplicable, Unavailable
+from scenarios.spec import load
+from vehicle.render import Renderer
+
+
+@pytest.mark.parametrize("scenario", ["simple-ii", "normal-i", "hard-ii"])
+def test_the_camera_measures_the_boards_inclination_whatever_it_is(tmp_path, scenario):
+    context = replace(make_context(tmp_path), scenario=load(scenario))
+    seen = context.camera().look(2.0)
+    error = math.degrees(context.drawn.camera_tilt_error)
+    for picture in seen:
+        assert picture.pose.found
+        assert picture.distance == pytest.approx(2.0, abs=0.01)
+        # what is left is the calibration's own error, and motion capture's noise
+        assert abs(picture.inclination - context.scenario.board.inclination_deg) == pytest.approx(abs(error), abs=0.3)
+
+
+def test_a_board_set_to_another_angle_is_seen(context):
+    bench = context.camera()
+    bench.look(2.0)
+    bench.set_deg -= 10.0  # the scenario says another angle than the board stands at
+    judged = result(context, "board.inclination")
+    assert judged.outcome is Outcome.FAIL
+
+
+def test_a_covered_lens_decodes_nothing(context, monkeypatch):
+    class Covered(Renderer):
+        def render(self, vehicle, board, exposure_ns, frame_index):
+            picture = super().render(vehicle, board, exposure_ns, frame_index)
+            picture[:] = 3
+            return picture
+
+    monkeypatch.setattr(bench_camera, "Renderer", Covered)
+    assert result(context, "camera.decode").outcome is Outcome.FAIL
+    with pytest.raises(Unavailable, match="in none of 10 pictures"):
+        result(context, "board.inclination")
+
+
+def test_a_long_exposure_cannot_keep_the_scenarios_rate(context):
+    fast = replace(context, scenario=load("hard-i"))
+    assert result(with_slot(fast, "camera", exposure_ms=25.0), "camera.mode").outcome is Outcome.FAIL
+
+
+def test_a_camera_model_has_no_pictures_to_decode(context):
+    with pytest.raises(NotApplicable, match="model"):
+        result(with_slot(context, "camera", source="model"), "camera.decode")

@@ -1,0 +1,72 @@
+"""Items of this host: bus, clocks, and a recorder that cannot write or loses messages."""
+
+from dataclasses import replace
+
+import pytest
+from preflight import ITEMS, result
+
+from hil import bus_clock
+from hil.bus import BusError, open_hub
+from hil.check import bench_bus, items_host
+from hil.check.judge import Outcome
+from hil.check.registry import NotApplicable, Unavailable, checks
+from hil.view import free_port
+
+
+def test_the_bus_is_tried_and_one_that_does_not_come_up_is_unknown(context, monkeypatch):
+    reading = checks()["host.bus"].function(context)
+    assert isinstance(reading.value, float)
+    assert 0.0 < reading.value < 50.0  # a busy machine may take its time; the preflight's limit is 5 ms
+
+    def refuse(endpoint):
+        raise BusError(f"the hub cannot listen on {endpoint}")
+
+    monkeypatch.setattr(bench_bus, "open_hub", refuse)
+    with pytest.raises(Unavailable, match="cannot listen"):
+        result(context, "host.bus")
+    assert ITEMS["host.bus", ""].optional
+
+
+def test_a_disk_that_cannot_be_written_fails_the_recorder(context, monkeypatch):
+    def full(*args, **more):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(items_host, "Recorder", full)
+    assert result(context, "host.recorder").outcome is Outcome.FAIL
+
+
+def test_a_recorder_that_loses_messages_fails(context, monkeypatch):
+    class Lossy(items_host.Recorder):
+        def __call__(self, now_ns, topic, message):
+            if now_ns != 990_000_000:
+                super().__call__(now_ns, topic, message)
+
+    monkeypatch.setattr(items_host, "Recorder", Lossy)
+    judged = result(context, "host.recorder")
+    assert (judged.outcome, "4999 of 5000" in judged.reason) == (Outcome.FAIL, True)
+
+
+def test_one_host_has_one_clock(context):
+    for check in ("host.clock", "host.date"):
+        with pytest.raises(NotApplicable, match="--endpoint"):
+            result(context, check)
+
+
+def test_the_clock_of_the_hubs_host_is_measured(context, monkeypatch):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    there = replace(context, endpoint=endpoint, _kept={})
+    with pytest.raises(Unavailable, match="no hub answers"):
+        result(there, "host.clock")
+    monkeypatch.setattr(bus_clock, "clock_id", lambda: b"another host")
+    with open_hub(endpoint):
+        monkeypatch.setattr(bus_clock, "clock_id", lambda: b"this host")
+        reading = checks()["host.clock"].function(there)
+        assert isinstance(reading.value, float)
+        assert 0.0 < reading.value < 50.0 and reading.detail.startswith("offset ")
+        assert result(there, "host.date").outcome is Outcome.PASS
+    far = bus_clock.Clock(10**12, 9_000_000, -2 * 10**9, False)
+    there._kept["clocks"] = far
+    assert result(there, "host.clock").outcome is Outcome.FAIL
+    assert result(there, "host.date").outcome is Outcome.MARGINAL
+    there._kept["clocks"] = far._replace(shared=True)
+    assert result(there, "host.clock").outcome is Outcome.PASS
