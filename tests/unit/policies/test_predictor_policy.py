@@ -5,9 +5,7 @@ import pytest
 
 from policies.planner_policy import PlannerPolicy
 from policies.predictor import load_predictor
-from policies.predictor_cases import scout_motion
 from policies.predictor_policy import LearnedPlannerPolicy
-from policies.predictor_trials import with_error_bars
 from vehicle.airframe import load_airframe
 
 TICK = 10_000_000
@@ -55,18 +53,3 @@ def test_reset_forgets_the_board(airframe):
     assert fly(policy) == first
     policy.reset(0)
     assert not policy._memory.any()
-
-
-def test_simulated_car_overshoots_the_law_and_repeats():
-    drive = scout_motion("scout_hard1", 3, 0, 400)
-    np.testing.assert_array_equal(drive, scout_motion("scout_hard1", 3, 0, 400))
-    assert np.ptp(drive[:, 4]) > 1.2 and drive[:, 4].max() > 2.4
-    moved = np.hypot(*np.diff(drive[:, :2], axis=0).T) / 0.01
-    np.testing.assert_allclose(moved, np.abs(drive[1:, 4]), atol=0.12)
-    with pytest.raises(KeyError):
-        scout_motion("boat", 0, 0, 10)
-
-
-def test_interval_holds_the_share():
-    share, low, high = with_error_bars(90, 100)
-    assert share == 90.0 and low == pytest.approx(82.6, abs=0.1) and high == pytest.approx(94.5, abs=0.1)
