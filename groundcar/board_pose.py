@@ -36,14 +36,6 @@ def board_axes(row):
 
 
 @njit
-def board_rotation(row, out):
-    """Write the rotation world from board to `out` (3, 3): its columns are `board_axes`."""
-    axes = board_axes(row)
-    for k in range(9):
-        out[k % 3, k // 3] = axes[k]
-
-
-@njit
 def board_quaternion(row):
     """World from board as a quaternion w, x, y, z (4 floats)."""
     ch, sh = math.cos(0.5 * row[HEADING]), math.sin(0.5 * row[HEADING])

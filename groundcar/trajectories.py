@@ -115,14 +115,6 @@ def path_lap(kind, params):
 
 
 @njit
-def path_heading(kind, params, dx, dy):
-    """Heading (rad, world) of a car on the path: the tangent's, but the path frame's own for STATIC and LINE."""
-    if kind in (STATIC, LINE) or dx * dx + dy * dy < 1e-18:
-        return params[HEADING]
-    return math.atan2(dy, dx)
-
-
-@njit
 def path_curvature(dx, dy, ddx, ddy):
     """Signed curvature (1/m, left positive) from derivatives; 0 where the path stands still."""
     squared = dx * dx + dy * dy

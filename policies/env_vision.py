@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.board_pose import board_quaternion, board_velocity
 from kernel import njit
 from kernel.random import uniform
 from policies.belief import belief_predict, belief_update, measurement_from_pose
@@ -38,14 +39,6 @@ _JITTER = 0.003  # s, half-width of the detector's latency within an episode
 
 
 @njit
-def board_quaternion(platform, out):
-    """World from board of a platform row, R = Rz(heading) Ry(-inclination), into `out` (4,)."""
-    c, s = math.cos(0.5 * platform[3]), math.sin(0.5 * platform[3])
-    ci, si = math.cos(0.5 * platform[6]), math.sin(0.5 * platform[6])
-    out[0], out[1], out[2], out[3] = c * ci, s * si, -c * si, s * ci
-
-
-@njit
 def look(rows, i, shared, platform):
     """Note whether the board is in view now."""
     vehicle = rows.vehicle[i]
@@ -64,8 +57,8 @@ def expose(rows, i, shared, platform, now, latency):
     if state[S_VISIBLE] == 0.0 or state[S_PENDING] >= QUEUE:
         return
     observed, q, v = x[X_OBSERVED : X_OBSERVED + 10], x[X_Q : X_Q + 4], x[X_V : X_V + 3]
-    board_quaternion(platform, q)
-    v[0], v[1], v[2] = platform[4] * math.cos(platform[3]), platform[4] * math.sin(platform[3]), 0.0
+    q[0], q[1], q[2], q[3] = board_quaternion(platform)
+    v[0], v[1], v[2] = board_velocity(platform)
     observe_board(
         vehicle[P : P + 3],
         vehicle[Q : Q + 4],

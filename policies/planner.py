@@ -315,13 +315,3 @@ def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, ou
     if planner_due(state, t):
         predict_swing(x, fit, tau, step, future)
     return _step(state, t, p, v, q, x, estimate, future, step, params, out)
-
-
-@njit
-def planner_on_belief(state, t, p, v, q, belief, belief_params, x, covariance, estimate, future, step, params, out):
-    """`planner_on_estimate` on a belief row, predicted to `t`.
-
-    `x` (8,), `covariance` (64,), `estimate` (ESTIMATE_DIM,) are scratch that holds the estimate afterwards.
-    """
-    estimate_from_belief(belief, t, belief_params, x, covariance, estimate)
-    return planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, out)

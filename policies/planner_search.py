@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.board_pose import board_normal
 from kernel import njit
 from policies import planner_params as pp
 from policies import planner_polynomial as poly
@@ -20,13 +21,6 @@ _GROUND = 0.35  # m
 _STEADY = 0.5  # m/s^2, accelerations foretold for a board that keeps its speed
 _C = poly.COEFFICIENTS
 MOTION_DIM = 3 * _C
-
-
-@njit
-def board_normal(platform):
-    """Outward normal of a platform row (3 floats, world)."""
-    si = math.sin(platform[6])
-    return -si * math.cos(platform[3]), -si * math.sin(platform[3]), math.cos(platform[6])
 
 
 @njit

@@ -1,4 +1,4 @@
-"""The planner fed by the learned motion predictor: `planner_on_estimate` and `planner_on_belief`, with a network."""
+"""The planner fed by the learned motion predictor: `planner_on_estimate` with a network."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from policies.planner import (
     E_VALID,
     S_FIT,
     S_HISTORY,
-    estimate_from_belief,
     planner_due,
     planner_step,
 )
@@ -75,12 +74,3 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
                 coast_keep(coast, t, age, future)
                 x[0], x[1], x[4] = carried_east, carried_north, carried
     return planner_step(state, t, p, v, q, x, estimate, future, step, params, out)
-
-
-@njit
-def learned_on_belief(
-    state, memory, t, p, v, q, belief, belief_params, x, covariance, estimate, future, step, params, net, scratch, out
-):
-    """`planner_on_learned` on a belief row; `x` (8,), `covariance` (64,), `estimate` hold the estimate afterwards."""
-    estimate_from_belief(belief, t, belief_params, x, covariance, estimate)
-    return planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, params, net, scratch, out)

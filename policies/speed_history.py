@@ -77,21 +77,6 @@ def history_range(history):
 
 
 @njit
-def history_slope(history, span):
-    """Slope (m/s^2) of the speeds of the last `span` s by least squares; 0 with fewer than four entries."""
-    n = min(int(history[H_COUNT]), int(span / SAMPLE) + 1)
-    if n < 4:
-        return 0.0
-    head = int(history[H_HEAD])
-    top, bottom = 0.0, 0.0
-    for i in range(n):
-        x = 0.5 * (n - 1) - i
-        top += x * history[H_RING + (head - i) % LENGTH]
-        bottom += x * x
-    return top / (bottom * SAMPLE)
-
-
-@njit
 def _solve3(a00, a01, a02, a11, a12, a22, b0, b1, b2):
     """Solution (3 floats) of a symmetric positive definite system by Cholesky."""
     l00 = math.sqrt(a00)

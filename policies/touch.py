@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
+from groundcar.board_pose import board_normal
 from kernel import njit
 from policies import planner_params as pp
-from policies.planner_search import board_normal
 
 _FROM, _FULL = 0.75, 0.92  # cosine between body z and normal: from where, and where it fully counts
 _CHOICES = 15

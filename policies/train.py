@@ -122,9 +122,7 @@ def _with_finisher(settings: DaggerConfig | PpoConfig, parent: Path | None, reci
     if not isinstance(settings, DaggerConfig) or settings.finisher != PARENT:
         return settings
     if parent is None:
-        raise TrainingError(
-            f"recipe {recipe} lets a state policy teach: give the run that made it with --parent"
-        )
+        raise TrainingError(f"recipe {recipe} lets a state policy teach: give the run that made it with --parent")
     folder = parent if parent.is_dir() else parent.parent
     return replace(settings, finisher=str(folder / POLICY))
 

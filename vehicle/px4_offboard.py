@@ -33,8 +33,6 @@ from vehicle.px4_protocol import AttitudeMask, PositionMask
 from vehicle.px4_state import Flight
 from vehicle.rotations import normalise, swap_attitude, swap_yaw
 
-NAN3 = (math.nan, math.nan, math.nan)
-
 
 class Offboard:
     """Keeps the newest set-point and writes it to the control row while OFFBOARD runs."""

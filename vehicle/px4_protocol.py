@@ -18,11 +18,6 @@ __all__ = ["mavlink"]
 PX4_SYSTEM, PX4_COMPONENT = 1, 1
 AUTOPILOT_PX4, TYPE_QUADROTOR = 12, 2
 
-# Ports of a PX4 SITL instance 0: what PX4 binds, and where it sends first.
-API_PORTS = (14580, 14540)
-GCS_PORTS = (18570, 14550)
-
-SETPOINT_MIN_HZ = 2.0  # what the documentation asks of an OFFBOARD stream
 FORCE_MAGIC = 21196  # COMPONENT_ARM_DISARM param2
 PREARM_CHECK = 0x10000000  # SYS_STATUS health bit: may be armed
 STATUSTEXT_CHUNK = 50

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundcar import trajectories as t
-from groundcar.trajectories import path_curvature, path_eval, path_heading, path_lap
+from groundcar.trajectories import path_curvature, path_eval, path_lap
 
 
 def controls(seed):
@@ -54,12 +54,11 @@ def test_a_lap_leads_back(kind, row, u):
     assert path_eval(kind, row, u) == pytest.approx(again, abs=1e-9)
 
 
-def test_line_is_the_paper_s_and_keeps_its_heading():
+def test_line_is_the_paper_s():
     row = t.line_path(12.0)
     for phase in np.linspace(-4, 4, 33):
-        x, y, dx, dy, *_ = path_eval(t.LINE, row, phase)
+        x, y, *_ = path_eval(t.LINE, row, phase)
         assert (x, y) == pytest.approx((12 * math.sin(phase), 0.0))
-        assert path_heading(t.LINE, row, dx, dy) == 0.0
 
 
 def test_racetrack_has_the_paper_s_geometry():
@@ -114,10 +113,9 @@ def test_origin_and_heading_move_any_path_rigidly():
             assert moved[2:4] == pytest.approx((c * dx - s * dy, s * dx + c * dy))
 
 
-def test_static_stands_and_faces_its_heading():
+def test_static_stands():
     row = t.static_path(3.0, -1.0, 2.0)
     assert path_eval(t.STATIC, row, 5.0) == (3.0, -1.0, 0.0, 0.0, 0.0, 0.0)
-    assert path_heading(t.STATIC, row, 0.0, 0.0) == 2.0
 
 
 @pytest.mark.parametrize(

@@ -28,11 +28,6 @@ def test_entries_are_a_sample_apart_and_a_gap_clears():
     assert filled(lambda t: t, 9.0)[sh.H_COUNT] == sh.LENGTH
 
 
-def test_slope_by_least_squares():
-    assert sh.history_slope(filled(lambda t: 0.5 - 0.4 * t, 2.0), 0.4) == pytest.approx(-0.4)
-    assert sh.history_slope(np.zeros(sh.HISTORY_DIM), 0.4) == 0.0
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_a_swinging_speed_is_foretold_once_it_was_seen_to_swing(noise):
     fit = np.zeros(sh.FIT_DIM)
