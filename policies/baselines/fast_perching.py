@@ -4,6 +4,7 @@ plan. Ji et al., IROS 2022; weights and settings are those of its published laun
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -101,13 +102,18 @@ class _Enough:
             raise StopIteration
 
 
+@lru_cache(maxsize=1)
 def load_search():
-    """SciPy's minimiser. Raises ValueError, saying what to install, where there is none."""
+    """SciPy's minimiser on one thread. Raises ValueError, saying what to install, where there is none.
+
+    Its matrices are 31 rows high: on threads that have to be woken for them a plan takes ten times as long.
+    """
     try:
         from scipy.optimize import minimize
+        from threadpoolctl import ThreadpoolController
     except ImportError:
         raise ValueError("Fast-Perching needs SciPy: pip install -e '.[train]' in the project's folder") from None
-    return minimize
+    return ThreadpoolController().wrap(limits=1, user_api="blas")(minimize)
 
 
 def _plan(x: np.ndarray, cost: float, start: np.ndarray, board: np.ndarray, settings: np.ndarray) -> PerchPlan:

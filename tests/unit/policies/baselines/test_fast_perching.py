@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from policies.baselines.fast_perching import FastPerchingParams, plan_perch
+from policies.baselines.fast_perching import FastPerchingParams, load_search, plan_perch
 from policies.contenders import open_contender
 
 LAUNCH = FastPerchingParams(thrust_min=5.0, thrust_max=17.0, gravity=9.8)
@@ -62,6 +62,7 @@ def test_going_on_from_the_last_plan_leads_to_the_same_contact():
 
 
 def test_without_scipy_the_user_is_told_what_to_install(monkeypatch):
+    load_search.cache_clear()
     monkeypatch.setitem(__import__("sys").modules, "scipy.optimize", None)
     with pytest.raises(ValueError, match="pip install"):
         open_contender("fast-perching")
