@@ -62,10 +62,12 @@ class PerchPlan:
         return PIECES * self.seconds
 
     def at(self, t: float) -> np.ndarray:
-        """Position, velocity, acceleration and jerk ((4, 3)) at `t` s, of the ends before and after them."""
+        """Position, velocity, acceleration and jerk ((4, 3)) at `t` s; overdue, the end moves on at its velocity."""
         along = min(max(t / self.seconds, 0.0), float(PIECES))
         k = min(int(along), PIECES - 1)
-        return np.array([basis(along - k, d) @ self.pieces[k] / self.seconds**d for d in range(4)])
+        state = np.array([basis(along - k, d) @ self.pieces[k] / self.seconds**d for d in range(4)])
+        state[0] += max(0.0, t - self.duration) * state[1]
+        return state
 
 
 def plan_perch(

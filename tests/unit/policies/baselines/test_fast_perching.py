@@ -49,6 +49,7 @@ def test_a_plan_begins_where_it_was_asked_and_ends_on_the_board_in_its_attitude(
     normal = np.array([-np.sin(board[6]) * np.cos(h), -np.sin(board[6]) * np.sin(h), np.cos(board[6])])
     force = end[2] + (0.0, 0.0, 9.80665)
     assert force / np.linalg.norm(force) == pytest.approx(normal, abs=1e-6)
+    assert np.allclose(plan.at(plan.duration + 0.1)[0], end[0] + 0.1 * end[1])
     assert (end[1] - 1.5 * np.array([np.cos(h), np.sin(h), 0.0])) @ normal == pytest.approx(-0.3, abs=1e-6)
 
 
