@@ -187,6 +187,8 @@ class Ppo:
         r, c = self.rollout, self.config
         advantage, returns = r.advantages(last_value, c.gamma, c.gae)
         own = r.own.ravel()
+        if own.sum() < 2:  # every step was the teacher's: nothing of its own to learn from
+            return {"kl": 0.0, "clipped": 0.0, "explained": math.nan}
         tensors = []
         for array in (r.observation, r.future, r.action, r.log_prob, r.value, advantage, returns):
             tensors.append(torch.from_numpy(array.reshape(len(own), -1)[own]).to(self.device))
@@ -199,7 +201,7 @@ class Ppo:
             order = torch.from_numpy(self.rng.permutation(len(advantage_)))
             for part in order.split(c.minibatch):
                 if len(part) < 2:
-                    continue  # every step was the teacher's: nothing of its own to learn from
+                    continue  # a remainder of one has no spread
                 mean = self.actor(observation[part])
                 ratio = (self.actor.log_prob(mean, action[part]) - log_prob[part]).exp()
                 a = advantage_[part]
