@@ -29,9 +29,13 @@ class Priority(NamedTuple):
 
 # A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn
 # and several to be searched: these two are not chopped up, and the drawn one is not due before it would have been read
-# out. The recorder has time.
+# out. The recorder has time, but not for ever: left to what the others leave it waited for a core 61 % of a soak.
 CONTROL = Priority(-15, 300_000, 30)
-PRIORITIES = {"detector": Priority(-13, real_time=20), "camera": Priority(-11, real_time=10), "recorder": Priority(-9)}
+PRIORITIES = {
+    "detector": Priority(-13, real_time=20),
+    "camera": Priority(-11, real_time=10),
+    "recorder": Priority(-9, real_time=5),
+}
 
 _TRIES = 20
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux system call numbers; the C library has no wrapper
