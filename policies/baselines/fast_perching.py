@@ -3,7 +3,7 @@ plan. Ji et al., IROS 2022; weights and settings are those of its published laun
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -20,7 +20,10 @@ _CALM, _LONGEST = 1.5, 20.0  # a guess may turn this much faster than allowed, a
 
 @dataclass(frozen=True)
 class FastPerchingParams:
-    """Limits (m/s, m/s^2, rad/s), body and board's radius (m), speed into the board (m/s), floor (m)."""
+    """Limits (m/s, m/s^2, rad/s), body and board's radius (m), speed into the board (m/s), floor (m).
+
+    In the order of the settings row's indices in `fast_perching_cost`.
+    """
 
     speed_max: float = 6.0
     thrust_min: float = THRUST_MIN
@@ -35,16 +38,7 @@ class FastPerchingParams:
 
     def row(self) -> np.ndarray:
         """The (SETTINGS_DIM,) row for kernels."""
-        row = np.zeros(fp.SETTINGS_DIM)
-        row[[fp.SPEED_MAX, fp.THRUST_MIN, fp.THRUST_MAX, fp.RATE_MAX]] = (
-            self.speed_max,
-            self.thrust_min,
-            self.thrust_max,
-            self.rate_max,
-        )
-        row[[fp.ROBOT_L, fp.ROBOT_R, fp.BOARD_R, fp.CLOSING]] = self.robot_l, self.robot_r, self.board_r, self.closing
-        row[[fp.FLOOR, fp.GRAVITY]] = self.floor, self.gravity
-        return row
+        return np.array(astuple(self), dtype=np.float64)
 
 
 @dataclass(frozen=True)

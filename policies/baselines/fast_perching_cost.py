@@ -20,7 +20,6 @@ VARIABLES = X_SKID + 2
 
 # Settings row: limits (SI), the body against the board (m, m/s), gravity.
 (SPEED_MAX, THRUST_MIN, THRUST_MAX, RATE_MAX, ROBOT_L, ROBOT_R, BOARD_R, CLOSING, FLOOR, GRAVITY) = range(10)
-SETTINGS_DIM = 10
 
 _RHO_TIME, _RHO_SKID = 1e5, 1e5
 _W_FLOOR, _W_SPEED, _W_THRUST, _W_RATE, _W_BOARD = 1e7, 1e3, 1e4, 1e5, 1e6

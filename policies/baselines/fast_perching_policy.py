@@ -81,7 +81,7 @@ class FastPerching:
         p, v, q = x[X_P : X_P + 3], x[X_V : X_V + 3], x[X_Q : X_Q + 4]
         made = None if rows.done[i] else self._plans[i]
         if made is None or (t - made[1] > _REPLAN - 0.5 * TICK and made[0].duration - (t - made[1]) > _LAST):
-            made = self._plan(made, t, p, v, q, rows.believed[i])
+            made = self._plan(made, t, p, v, rows.believed[i])
         plan, begun = self._plans[i] = made
         ahead = t - begun + self._track[pp.RATE_LAG]
         soon = t - begun + self._track[pp.THRUST_LAG] + 0.5 * TICK
@@ -90,7 +90,7 @@ class FastPerching:
         track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, G_GAIN], self._track, self._out[i])
 
     def _plan(
-        self, made: tuple[PerchPlan, float] | None, t: float, p: np.ndarray, v: np.ndarray, q: np.ndarray, seen
+        self, made: tuple[PerchPlan, float] | None, t: float, p: np.ndarray, v: np.ndarray, seen: np.ndarray
     ) -> tuple[PerchPlan, float]:
         board = seen.copy()
         if not self._turning:
