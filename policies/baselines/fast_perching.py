@@ -37,7 +37,7 @@ class FastPerchingParams:
     gravity: float = GRAVITY
 
     def row(self) -> np.ndarray:
-        """The (SETTINGS_DIM,) row for kernels."""
+        """The settings row (10,) for kernels."""
         return np.array(astuple(self), dtype=np.float64)
 
 
