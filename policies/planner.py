@@ -54,6 +54,7 @@ _C = poly.COEFFICIENTS
 _WAIT = 0.01  # s from a command to the motors hearing it
 _FRESH = 0.12  # s, age of a belief whose speed is still worth remembering
 _NO_RETURN = 0.6  # s before contact, after which a perch is not given up
+_TILTED = math.radians(30.0)  # from this inclination on a board is not flat
 _MANY, _FEW = 22, 10  # durations searched to begin a plan and to renew one
 
 
@@ -145,6 +146,13 @@ def _ready(state, t, estimate, inclination, params):
 
 
 @njit
+def _frozen(inclination, params):
+    """How long before contact (s) the last plan is kept."""
+    flat = max(0.0, 1.0 - inclination / _TILTED)
+    return params[pp.FREEZE] + flat * (params[pp.FREEZE_FLAT] - params[pp.FREEZE])
+
+
+@njit
 def _decide(state, t, p, v, q, platform, estimate, future, step, params):
     """Move between the phases; plans when due."""
     phase = state[S_PHASE]
@@ -157,7 +165,7 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
     if phase == FOLLOW and estimate[E_VALID] <= 0.0:
         phase = HOLD
     left = state[S_CONTACT] - t
-    if phase == COMMIT and left < params[pp.FREEZE]:
+    if phase == COMMIT and left < _frozen(platform[6], params):
         phase = TERMINAL
     if phase == TERMINAL and left < -params[pp.MISS_AFTER]:
         phase = AROUND

@@ -17,9 +17,9 @@ import numpy as np
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
-    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST,
-) = range(86)  # fmt: skip
-COUNT = 86
+    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT,
+) = range(87)  # fmt: skip
+COUNT = 87
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -77,7 +77,8 @@ class PlannerParams:
     along it within `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the
     change of thrust, which comes `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
-    s; the board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A plan is started
+    s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes without
+    getting better. The board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A plan is started
     below `commit_cost` / cos(inclination) and given up above `abort_cost` or if nothing was seen for `lost_age`.
     `predict_tau`: decay of the board's acceleration in the prediction, `filter_tau` in the belief filter;
     `predict_trust` 0..1 in the speeds of the predictor's network. Where a board slows down the network goes on slowing
@@ -107,7 +108,7 @@ class PlannerParams:
     robot_l: float = 0.04
     robot_r: float = 0.13
     impact_speed: float = 0.8
-    overshoot: float = 0.015
+    overshoot: float = 0.0
     flatten: float = 1.0
     t_min: float = 0.7
     t_max: float = 2.6
@@ -181,6 +182,7 @@ class PlannerParams:
     aim: float = 0.0
     miss: float = 0.1
     predict_trust: float = 1.0
+    freeze_flat: float = 0.48
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 
