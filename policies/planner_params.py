@@ -77,9 +77,10 @@ class PlannerParams:
     along it within `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the
     change of thrust, which comes `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
-    s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes without
-    getting better. The board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A plan is started
-    below `commit_cost` / cos(inclination) and given up above `abort_cost` or if nothing was seen for `lost_age`.
+    s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes
+    without getting better. The board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A
+    plan is started below `commit_cost` / cos(inclination) and given up above `abort_cost` or if nothing was seen for
+    `lost_age`.
     `predict_tau`: decay of the board's acceleration in the prediction, `filter_tau` in the belief filter;
     `predict_trust` 0..1 in the speeds of the predictor's network. Where a board slows down the network goes on slowing
     it and the decaying acceleration stops too soon: on steep boards, where timing is all, the truth is between.

@@ -86,9 +86,20 @@ def test_the_search_around_a_prior_grows_with_every_miss_and_never_costs_more_th
     widths = [one.region[2] - one.region[0] for k, one in enumerate(tried) if k % 4 != 3]
     assert widths == sorted(widths)
     assert widths[-1] > 2 * widths[0]
-    assert all(one.region == (0, 0, CAMERA.width, CAMERA.height) for one in tried[3::4])
+    assert all(one.region == (0, 0, CAMERA.width, CAMERA.height) for one in tried[3::4] if one.reason == "no tag")
     assert max(one.work_px for k, one in enumerate(tried) if k % 4 != 3) < CAMERA.width * CAMERA.height / 9.0
     assert d.detect(picture, aside, up).found
+
+
+def test_a_board_long_out_of_sight_is_looked_for_in_one_picture_of_three_and_found_by_the_third():
+    vehicle, board = view(2.0)
+    picture, d = RENDERER.render(vehicle, board, 0, 0), detector()
+    empty = np.full_like(picture, 128)
+    reasons = [d.detect(empty).reason for _ in range(30)]
+    assert reasons[:12] == ["no tag"] * 12
+    assert reasons[12:] == ["no tag", "not searched", "not searched"] * 6
+    assert any(d.detect(picture).found for _ in range(3))
+    assert d.detect(picture).found
 
 
 @pytest.mark.parametrize("value", [0, 128, 255])
