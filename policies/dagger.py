@@ -22,14 +22,11 @@ from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import EnvConfig
 from policies.env_expert import ExpertParams
-from policies.env_finisher import Finisher, Labels
-from policies.env_planner import PlannerTeacher
+from policies.env_planner import BELIEF, FORESIGHT, PlannerTeacher
 from policies.env_teacher import Teacher
 from policies.network import FORESEEN, Actor, NetworkConfig
 from policies.observation import NEWEST, OBS_DIM
 from policies.train_io import TrainingError, env_state, load_env
-
-PARENT = "parent"  # as a finisher: the policy of the run that training goes on from
 
 _AUX = np.array([k * 10 + axis for k in FORESEEN for axis in (0, 1)])  # columns of the future that are foretold
 
@@ -40,10 +37,8 @@ class DaggerConfig:
     `teacher_floor` over `teacher_fade` samples. `noise`: one-sigma added to the student's actions while collecting.
     `near`: extra weight of a sample close to the board. `ignore`: s before the teacher's contact without labels.
     `foresee`: weight of the auxiliary loss that makes the trunk foretell where the board will be. `average`: decay of
-    the averaged weights, which are what flies. `teacher`: how the expert plans; `watchful`: the planner teaches in its
-    place, which knows the future as well, but commits only when what the camera has shown would do. `finisher`: a
-    policy of the state stage (PARENT: that of the parent) that teaches, on the truth, within `finish_within` m of a
-    board that is inclined by less than `finish_flatter` rad; see `env_finisher`."""
+    the averaged weights, which are what flies. `teacher`: how the expert plans. `planner`: what the planner knows that
+    teaches in its place, FORESIGHT or BELIEF (see `env_planner.PlannerTeacher`); empty: the expert teaches."""
 
     samples: int = 8_000_000
     horizon: int = 32
@@ -60,11 +55,12 @@ class DaggerConfig:
     foresee: float = 0.1
     huber: float = 0.1
     average: float = 0.995
-    watchful: bool = False
-    finisher: str = ""
-    finish_within: float = 2.5
-    finish_flatter: float = math.radians(18.0)
+    planner: str = ""
     teacher: ExpertParams = field(default_factory=ExpertParams)
+
+    def __post_init__(self) -> None:
+        if self.planner not in ("", FORESIGHT, BELIEF):
+            raise ValueError(f"planner is '{self.planner}'; it is '{FORESIGHT}', '{BELIEF}' or empty")
 
 
 class Replay:
@@ -120,11 +116,7 @@ class Dagger:
         self.rng = np.random.default_rng([env.seed, 1])
         self.env = Env(env)
         self.env.reset()
-        self.teacher: Labels = PlannerTeacher(self.env) if config.watchful else Teacher(self.env, config.teacher)
-        if config.finisher:
-            self.teacher = Finisher(
-                self.env, self.teacher, config.finisher, config.finish_within, config.finish_flatter
-            )
+        self.teacher = PlannerTeacher(self.env, config.planner) if config.planner else Teacher(self.env, config.teacher)
         self.replay = Replay(min(config.replay, config.samples))
         self.samples = 0
 

@@ -1,9 +1,8 @@
 """The planners in the training environment: flown on the rows that a network's observation is built from.
 
 As contenders they get what a flight would give them: the belief filter (or, in the state stage, the true board now and
-its past), the vehicle's own estimate with odometry noise, and the thrust they asked for. As a teacher the planner is
-told where the board is and will be, but it still waits to commit until the belief is good: what it imparts is to watch
-first, which an expert who needs no camera never shows.
+its past), the vehicle's own estimate with odometry noise, and the thrust they asked for.
+As a teacher the planner imparts to watch first, which an expert who needs no camera never shows.
 """
 
 from __future__ import annotations
@@ -45,10 +44,12 @@ from policies.thrust_gain import GAIN_DIM
 _TICKS = round(STEP / TICK)
 _LAG = 5  # control steps over which the true board's acceleration is taken
 ANALYTIC, LEARNED, FORESEEN = 0, 1, 2  # where the future comes from
+FORESIGHT, BELIEF = "foresight", "belief"  # what a planner that teaches knows
 
 # A student follows less exactly than it is shown: a teacher who waits for an exact standoff would let it wait for ever,
 # one who takes the board to the picture's edge would let it lose the board.
 _READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_fov": math.radians(19.0)}
+_BOLDLY = {"commit_cost": 4.0}  # a student's approach is never as cheap as the planner's own
 
 # Slices of a work row.
 _BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
@@ -124,7 +125,7 @@ class PlannerInEnv:
             self.begin(env)
         fresh, self.first = np.ones_like(env.rows.done) if self.first else env.rows.done, False
         plan_rows(
-            env.rows, env.shared, fresh, self._source, self.states, self._memories, self._works, self._futures,
+            env.rows, env.shared, fresh, self._source, self.states, self.memories, self._works, self._futures,
             self._scratches, self._params, self._net, self._out,
         )  # fmt: skip
         return self._out
@@ -134,30 +135,39 @@ class PlannerInEnv:
         self.first = True
         n = env.config.count
         self._env, self._params = env, replace(planner_params(env.airframe), **self._changes).row()
-        self.states, self._memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, MEMORY_DIM))
+        self.states, self.memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, MEMORY_DIM))
         self._works, self._futures = np.zeros((n, _WORK_DIM)), np.zeros((n, HORIZON, 8))
         self._scratches, self._out = np.zeros((n, SCRATCH_DIM), dtype=np.float32), np.zeros((n, 4))
 
 
 class PlannerTeacher:
-    """The planner that knows the future, as labels for every row, whoever is flying; see `env_teacher.Teacher`."""
+    """The planner's actions as labels for every row, whoever is flying; see `env_teacher.Teacher`.
 
-    def __init__(self, env: Env) -> None:
-        self._env, self._planner = env, PlannerInEnv(FORESEEN, **_READILY)
+    FORESIGHT: it knows where the board is and will be, but commits only when what the camera has shown would do.
+    BELIEF: it knows what the student is told and no more, so that nothing in a label has to be guessed.
+    """
+
+    def __init__(self, env: Env, knows: str = FORESIGHT) -> None:
+        """`knows`: FORESIGHT or BELIEF."""
+        self._env = env
+        self._planner = PlannerInEnv(FORESEEN, **_READILY) if knows == FORESIGHT else PlannerInEnv(**_BOLDLY)
         self._planner.begin(env)
         self.remaining = np.full(env.config.count, np.inf)
 
     def state(self) -> dict:
         """The planners, for a checkpoint."""
-        return {"states": self._planner.states.copy()}
+        return {"states": self._planner.states.copy(), "memories": self._planner.memories.copy()}
 
     def load(self, state: dict) -> None:
         """Inverse of `state`."""
         self._planner.states[:], self._planner.first = state["states"], False
+        self._planner.memories[:] = state["memories"]
 
     def act(self) -> np.ndarray:
         """The actions ((N, 4) in [-1, 1], overwritten by the next call); `remaining` gets the s to each contact."""
-        actions, states = self._planner(self._env), self._planner.states
+        states = self._planner.states
+        states[:, S_ASKED] = self._env.rows.state[:, S_COMMAND + 3]  # of whoever flies: it shows what thrust gives
+        actions = self._planner(self._env)
         bound = np.isin(states[:, S_PHASE], (COMMIT, TERMINAL))
         left = states[:, S_CONTACT] - self._env.rows.state[:, S_STEP] * TICK
         self.remaining[:] = np.where(bound, left, np.inf)

@@ -18,9 +18,9 @@ from pathlib import Path
 import torch
 
 from policies import train_parallel as parallel
-from policies.dagger import PARENT, Dagger, DaggerConfig
+from policies.dagger import Dagger, DaggerConfig
 from policies.network import Actor, NetworkConfig
-from policies.ppo import Ppo, PpoConfig
+from policies.ppo import Ppo
 from policies.train_actor import POLICY, keep_actor, load_actor
 from policies.train_io import (
     Curve,
@@ -69,7 +69,6 @@ def run(
     base, start, total = int(ancestor.get("samples", 0)), 0, None
     if saved is not None:
         base, start, total = saved["before"], saved["phase"], saved["total"]
-        parent = parent or (Path(saved["parent"]) if saved.get("parent") else None)
         ancestor = saved.get("ancestor", ancestor)
         actor = _actor(network, saved["actor"])
     curve = Curve(out_dir / CURVE, total) if rank == 0 else None
@@ -77,7 +76,7 @@ def run(
     for index in range(start, len(plan.phase)):
         phase = plan.phase[index]
         env = plan.env_config(stage, seed, phase)
-        settings = _with_finisher(plan.phase_config(phase), parent, plan.name)
+        settings = plan.phase_config(phase)
         first = None if actor is None else {k: v.clone() for k, v in actor.state_dict().items()}
         kind = Dagger if isinstance(settings, DaggerConfig) else Ppo
         learner = kind(replace(env, seed=seed * 1000 + rank), network, settings, device, actor)  # type: ignore[arg-type]
@@ -93,7 +92,6 @@ def run(
                 "stage": stage,
                 "seed": seed,
                 "total": total,
-                "parent": str(parent or ""),
             }
             save_checkpoint(path, {**state, **keys}, agree=lambda: parallel.mean(1.0))
             if rank == 0:
@@ -120,16 +118,6 @@ def run(
         base += learner.samples * world
         actor = _actor(network, {k: v.cpu() for k, v in learner.average.state_dict().items()})
     return out_dir / POLICY
-
-
-def _with_finisher(settings: DaggerConfig | PpoConfig, parent: Path | None, recipe: str) -> DaggerConfig | PpoConfig:
-    """`settings` with the parent's own policy as finisher where the recipe says "parent". Raises TrainingError."""
-    if not isinstance(settings, DaggerConfig) or settings.finisher != PARENT:
-        return settings
-    if parent is None:
-        raise TrainingError(f"recipe {recipe} lets a state policy teach: give the run that made it with --parent")
-    folder = parent if parent.is_dir() else parent.parent
-    return replace(settings, finisher=str(folder / POLICY))
 
 
 def _checkpoint(path: Path, plan: Recipe, stage: str, seed: int) -> dict:

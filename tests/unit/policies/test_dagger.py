@@ -57,3 +57,8 @@ def test_numbers_that_are_not_finite_stop_the_run():
         run.actor.head.bias[0] = float("nan")
     with pytest.raises((TrainingError, ValueError), match="not finite"):
         run.step()
+
+
+def test_a_planner_that_knows_something_else_is_refused():
+    with pytest.raises(ValueError, match="'foresight', 'belief'"):
+        DaggerConfig(planner="truth")

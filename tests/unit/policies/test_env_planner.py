@@ -9,12 +9,13 @@ from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
 from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import TICK, EnvConfig
-from policies.env_planner import ANALYTIC, LEARNED, PlannerInEnv, PlannerTeacher
+from policies.env_planner import ANALYTIC, BELIEF, FORESIGHT, LEARNED, PlannerInEnv, PlannerTeacher
 from policies.env_rows import S_STEP, X_P, X_Q, X_V
 from policies.observation import action_from_command
+from policies.planner import S_GAIN
 from policies.planner_policy import PlannerPolicy
 from policies.predictor_policy import LearnedPlannerPolicy
-from policies.thrust_gain import GAIN_DIM, gain_reset
+from policies.thrust_gain import G_GAIN, GAIN_DIM, gain_reset
 from vehicle.airframe import GRAVITY
 
 NS = 1e9
@@ -85,10 +86,38 @@ def test_as_a_teacher_it_waits_for_the_camera_and_then_knows_the_future():
     assert ended(teach=True) > 0.9 > ended(teach=False)
 
 
-def test_a_teacher_goes_on_from_its_checkpoint():
+def test_a_teacher_on_the_belief_would_fly_as_the_planner_does():
+    def flown(policy):
+        env = Env(EnvConfig(stage="vision", count=4, seed=5))
+        env.reset()
+        act = policy(env)
+        for _ in range(150):
+            env.step(act())
+        return env.rows.vehicle.copy()
+
+    def planner(env):
+        made = PlannerInEnv(commit_cost=4.0)
+        return lambda: made(env)
+
+    np.testing.assert_allclose(flown(lambda env: PlannerTeacher(env, BELIEF).act), flown(planner), atol=1e-6)
+
+
+def test_a_teacher_learns_the_thrust_gain_from_whoever_flies():
+    env = Env(EnvConfig(stage="vision", count=16, seed=5, warm=0.0))
+    env.reset()
+    teacher = PlannerTeacher(env, BELIEF)
+    for _ in range(60):
+        teacher.act()
+        env.step(np.tile([0.0, 0.0, 0.0, 0.2], (16, 1)))  # not what the teacher asks for
+    gains = teacher._planner.states[:, S_GAIN + G_GAIN]
+    assert np.abs(gains - env.rows.gain[:, G_GAIN]).max() < 0.02
+
+
+@pytest.mark.parametrize("knows", [FORESIGHT, BELIEF])
+def test_a_teacher_goes_on_from_its_checkpoint(knows):
     env = Env(EnvConfig(stage="vision", count=4, seed=5))
     env.reset()
-    first, second = PlannerTeacher(env), PlannerTeacher(env)
+    first, second = PlannerTeacher(env, knows), PlannerTeacher(env, knows)
     for _ in range(60):
         env.step(first.act())
     second.load(first.state())

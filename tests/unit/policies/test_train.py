@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from policies.contract import ContractError, read_contract
+from policies.contract import read_contract
 from policies.dagger import Dagger
 from policies.train import CHECKPOINT, CURVE, PICTURE, run
 from policies.train_actor import ACTOR, POLICY, load_actor
@@ -30,17 +30,6 @@ settings = { samples = 1024, horizon = 8, replay = 1024, batch = 64, batches = 2
 kind = "ppo"
 settings = { samples = 768, horizon = 8, minibatch = 64, epochs = 1 }
 weights = { impact = 100.0 }
-"""
-
-
-FINISHED = """
-title = "finished"
-[env]
-count = 16
-future_stride = 10
-[[phase]]
-kind = "dagger"
-settings = { samples = 256, horizon = 8, replay = 256, batch = 64, batches = 1, finisher = "parent" }
 """
 
 
@@ -211,20 +200,3 @@ def test_two_processes_by_torchrun(tiny, tmp_path):
     for name in states[0]["actor"]:
         assert torch.equal(states[0]["actor"][name], states[1]["actor"][name])
     assert not torch.equal(torch.from_numpy(states[0]["env"]["vehicle"]), torch.from_numpy(states[1]["env"]["vehicle"]))
-
-
-def test_the_parent_teaches_where_the_recipe_says_so(tmp_path):
-    state = tmp_path / "state.toml"
-    state.write_text(FINISHED.replace(', finisher = "parent"', ""))
-    recipe = tmp_path / "finished.toml"
-    recipe.write_text(FINISHED)
-    with pytest.raises(TrainingError, match="--parent"):
-        run("vision", str(recipe), seed=1, out_dir=tmp_path / "orphan")
-    parent = tmp_path / "parent"
-    run("state", str(state), seed=1, out_dir=parent)
-    folder, steps = tmp_path / "run", iter([False, True])
-    run("vision", str(recipe), seed=1, out_dir=folder, parent=parent, stop=lambda: next(steps))
-    done = run("vision", str(recipe), seed=1, out_dir=folder, resume=True)  # it knows who its parent was
-    assert read_contract(done).provenance.parent.endswith("state-1")
-    with pytest.raises(ContractError, match="vision stage"):
-        run("vision", str(recipe), seed=1, out_dir=tmp_path / "other", parent=folder)
