@@ -150,7 +150,8 @@ class PlannerTeacher:
     def __init__(self, env: Env, knows: str = FORESIGHT) -> None:
         """`knows`: FORESIGHT or BELIEF."""
         self._env = env
-        self._planner = PlannerInEnv(FORESEEN, **_READILY) if knows == FORESIGHT else PlannerInEnv(**_BOLDLY)
+        source, changes = (FORESEEN, _READILY) if knows == FORESIGHT else (LEARNED, _BOLDLY)
+        self._planner = PlannerInEnv(source, **changes)
         self._planner.begin(env)
         self.remaining = np.full(env.config.count, np.inf)
 
