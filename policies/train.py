@@ -87,12 +87,7 @@ def run(
         def save(learner=learner, index=index, first=first, base=base, env=env) -> None:
             total = base + learner.samples * world
             state = {"learner": learner.state(), "actor": first, "phase": index, "before": base, "ancestor": ancestor}
-            keys = {
-                "recipe": plan.model_dump(),
-                "stage": stage,
-                "seed": seed,
-                "total": total,
-            }
+            keys = {"recipe": plan.model_dump(), "stage": stage, "seed": seed, "total": total}
             save_checkpoint(path, {**state, **keys}, agree=lambda: parallel.mean(1.0))
             if rank == 0:
                 keep_actor(out_dir, plan, stage, seed, env, learner, total, ancestor)
