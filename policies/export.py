@@ -16,10 +16,13 @@ from policies.observation import OBS_DIM
 
 MAX_BYTES = 2_000_000
 TOLERANCE = 1e-5
+_COMPARED = 256
 
 
-def export(actor: Actor, contract: Contract, path: str | Path) -> float:
+def export(actor: Actor, contract: Contract, path: str | Path, observations: np.ndarray | None = None) -> float:
     """Write `path`, read it back and compare with torch; returns the largest difference (of actions in [-1, 1]).
+
+    `observations` ((N, OBS_DIM) float32) are what they are compared on; without any, random numbers.
 
     Raises ContractError if a weight is not finite, ONNX and torch disagree by more than 1e-5, or the file is over 2 MB;
     the old file is kept then.
@@ -52,7 +55,7 @@ def export(actor: Actor, contract: Contract, path: str | Path) -> float:
     trial = path.with_suffix(".tmp.onnx")
     trial.write_bytes(data)
     try:
-        difference = compare(flight, trial)
+        difference = compare(flight, trial, observations)
         if not difference <= TOLERANCE:
             raise ContractError(
                 f"ONNX and torch differ by {difference:.2e}, more than {TOLERANCE}; {path} was not written"
@@ -63,10 +66,16 @@ def export(actor: Actor, contract: Contract, path: str | Path) -> float:
     return difference
 
 
-def compare(flight: FlightActor, path: Path, samples: int = 256) -> float:
-    """Largest difference of action between torch and the ONNX file over random observations of physical size."""
+def compare(flight: FlightActor, path: Path, observations: np.ndarray | None = None) -> float:
+    """Largest difference of action between torch and the ONNX file on `observations`, as `export` takes them.
+
+    Random ones are of physical size, but no board jumps about like that: a well trained network differs by ten times as
+    much on them.
+    """
     session, _ = open_policy(path)
-    observation = np.random.default_rng(0).normal(0.0, 1.5, (samples, OBS_DIM)).astype(np.float32)
+    observation = observations
+    if observation is None:
+        observation = np.random.default_rng(0).normal(0.0, 1.5, (_COMPARED, OBS_DIM)).astype(np.float32)
     with torch.no_grad():
         wanted = flight(torch.from_numpy(observation)).numpy()
     got = np.concatenate([session.run(None, {"observation": row[None]})[0] for row in observation])

@@ -13,6 +13,7 @@ from policies.train_recipe import Recipe
 from vehicle.airframe import load_airframe
 
 POLICY, ACTOR = "policy.onnx", "actor.pt"
+_COMPARED = 256  # observations on which the two must agree
 
 
 def load_actor(path: Path) -> tuple[Actor, dict]:
@@ -64,4 +65,5 @@ def keep_actor(
     save_checkpoint(out_dir / ACTOR, {"actor": weights, "network": config.data(), "provenance": origin_data})
     actor = Actor(config)
     actor.load_state_dict(weights)
-    export(actor, contract_for(env, name, origin), out_dir / POLICY)
+    seen = learner.env.rows.observation[:_COMPARED]
+    export(actor, contract_for(env, name, origin), out_dir / POLICY, seen)

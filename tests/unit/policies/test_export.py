@@ -7,6 +7,7 @@ import torch
 from policies.contract import Contract, ContractError, Provenance, read_contract
 from policies.export import MAX_BYTES, compare, export
 from policies.network import Actor, FlightActor, NetworkConfig, normalisation
+from policies.observation import OBS_DIM
 
 torch.set_num_threads(1)
 SHIFT, SCALE = normalisation()
@@ -31,10 +32,23 @@ def actor(**options):
 def test_onnx_equals_torch(tmp_path, options):
     path, net = tmp_path / "p.onnx", actor(**options)
     assert export(net, CONTRACT, path) <= 1e-5
-    assert compare(FlightActor(net), path, 64) <= 1e-5
+    assert compare(FlightActor(net), path) <= 1e-5
     assert path.stat().st_size < MAX_BYTES
     assert read_contract(path) == CONTRACT
     assert not list(tmp_path.glob("*.tmp.*"))
+
+
+def test_they_are_compared_on_the_observations_given(tmp_path):
+    path, net = tmp_path / "p.onnx", actor()
+    export(net, CONTRACT, path)
+    other = actor(width=96)
+    assert compare(FlightActor(other), path) > 1e-3
+    observations = np.full((1, OBS_DIM), 1e6, dtype=np.float32)  # far beyond the clip at the outputs
+    with torch.no_grad():
+        for each in (net, other):
+            each.head.weight.zero_()
+    export(net, CONTRACT, path, observations)
+    assert compare(FlightActor(other), path, observations) == 0.0
 
 
 def test_weights_that_are_not_finite_keep_the_old_file(tmp_path):
