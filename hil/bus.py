@@ -82,8 +82,9 @@ class Bus:
             self._delivered.add((id(mailbox), topic))
 
             def take(sample: zenoh.Sample, topic: str = topic) -> None:
-                stamp = sample.attachment
-                mailbox.put(topic, sample.payload.to_bytes(), stamp.to_bytes() if stamp is not None else b"")
+                stamp = sample.attachment.to_bytes() if sample.attachment is not None else b""
+                if mailbox.wanted(topic, stamp):
+                    mailbox.put(topic, sample.payload.to_bytes(), stamp)
 
             self._listen(TOPIC + topic, take)
 

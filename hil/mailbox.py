@@ -54,9 +54,7 @@ class Mailbox:
         self._expected: dict[str, int] = {}
 
     def put(self, topic: str, payload: bytes, stamp: bytes) -> None:
-        """Called by the bus's threads."""
-        if self._picture_period_ns and topic == PICTURES and not self._wanted(stamp):
-            return
+        """Called by the bus's threads with what is `wanted`."""
         queue = self._queues.get(topic)
         if queue is None:
             queue = self._queues.setdefault(topic, deque(maxlen=self._pictures if topic == PICTURES else self._depth))
@@ -67,9 +65,10 @@ class Mailbox:
         if self._urgent is None or topic in self._urgent:
             self.wake()
 
-    def _wanted(self, stamp: bytes) -> bool:
-        if len(stamp) != STAMP.size:
-            return True  # garbage: counted where it is opened
+    def wanted(self, topic: str, stamp: bytes) -> bool:
+        """Whether to `put` it, asked before a picture is copied. Called by the bus's threads."""
+        if not self._picture_period_ns or topic != PICTURES or len(stamp) != STAMP.size:
+            return True  # garbage is counted where it is opened
         published_ns, _ = STAMP.unpack(stamp)
         if 0 <= published_ns - self._picture_ns < self._picture_period_ns:
             return False

@@ -17,9 +17,9 @@ import numpy as np
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
-    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT,
-) = range(87)  # fmt: skip
-COUNT = 87
+    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT, LEAN,
+) = range(88)  # fmt: skip
+COUNT = 88
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -70,8 +70,11 @@ class PlannerParams:
     Contact: `impact_speed` into the board along its normal and `skid` up its slope (tried beside 0) are planned. The
     plan ends `overshoot` behind the surface, so that a small error along the normal makes contact early rather than
     never (negative: before it). A board whose speed changes is foretold worse, and late is worse than early where
-    gravity pulls along the slope: `overshoot_swing` (s^2) times its acceleration comes on top. `flatten` 0..1: on a
-    flat board this share of the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none.
+    gravity pulls along the slope: `overshoot_swing` (s^2) times its acceleration comes on top. At contact thrust
+    leans up the slope from the normal by `lean` rad (on boards of 30 deg and more; less on flatter ones): that takes
+    something off gravity's pull along the board, and with it off the skid of a contact too early or too late, for a
+    share of the tolerance in angle. `flatten` 0..1: on a flat board this share of the terminal jerk (and with it of the
+    last body rate) is taken away, from 60 deg on none.
     Less than `aim` s before contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s
     thrust is chosen for the contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed
     along it within `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the
@@ -184,6 +187,7 @@ class PlannerParams:
     miss: float = 0.1
     predict_trust: float = 1.0
     freeze_flat: float = 0.48
+    lean: float = 0.08
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -1,7 +1,7 @@
 """The search for a perch: durations times terminal thrusts, each one closed-form motion, judged on samples.
 
-A motion ends at (board + offset along its normal, v_board - impact_speed n, f n - g): on the board, at the impact
-speed, with the body's z axis along the normal because that is where thrust f points.
+A motion ends at (board + offset along its normal, v_board - impact_speed n, f z - g): on the board, at the impact
+speed, with the body's z axis where thrust f points, which is the normal n but for a small lean up the slope.
 """
 
 from __future__ import annotations
@@ -58,7 +58,10 @@ def fit_perch(start, platform, duration, thrust, skid, params, motion):
     vy = (platform[4] + skid * nz) * sh - into * ny
     vz = skid * math.sin(platform[6]) - into * nz
     drag = params[pp.DRAG]
-    fx, fy, fz = thrust * nx - drag * vx, thrust * ny - drag * vy, thrust * nz - drag * vz - params[pp.GRAVITY]
+    lean = params[pp.LEAN] * min(1.0, 2.0 * math.sin(platform[6]))
+    cl, sl = math.cos(lean), math.sin(lean)
+    zx, zy, zz = nx * cl + nz * ch * sl, ny * cl + nz * sh * sl, nz * cl + math.sin(platform[6]) * sl
+    fx, fy, fz = thrust * zx - drag * vx, thrust * zy - drag * vy, thrust * zz - drag * vz - params[pp.GRAVITY]
     aside = _drift(start, platform, vx, vy, fx, fy, duration, params)
     x, y = platform[0] + offset * nx - aside * sh, platform[1] + offset * ny + aside * ch
     poly.fit_axis(start[0], start[3], start[6], x, vx, fx, duration, flat, motion, 0)

@@ -29,13 +29,14 @@ class RecipeError(ValueError):
 
 
 class Phase(BaseModel):
-    """One phase of learning: its settings, and what it changes in the environment and the reward."""
+    """One phase of learning: its settings, and what it changes in the environment, the rules and the reward."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: str
     settings: dict[str, Any] = Field(default_factory=dict)
     env: dict[str, Any] = Field(default_factory=dict)
+    rules: dict[str, Any] = Field(default_factory=dict)
     weights: dict[str, Any] = Field(default_factory=dict)
     teacher: dict[str, Any] = Field(default_factory=dict)
 
@@ -59,12 +60,13 @@ class Recipe(BaseModel):
         """The environment of a stage, as changed by a phase. Raises RecipeError."""
         of_stage = self.stage_vision if stage == "vision" else self.stage_state
         changes = {**self.env, **of_stage, **(phase.env if phase else {})}
+        rules = {**self.rules, **(phase.rules if phase else {})}
         weights = {**self.weights, **(phase.weights if phase else {})}
         config = _override(EnvConfig(stage=stage, seed=seed), changes, f"recipe {self.name}: env")
         return replace(
             config,
             weights=_override(RewardWeights(), weights, f"recipe {self.name}: weights"),
-            rules=_override(ContactRules(), self.rules, f"recipe {self.name}: rules"),
+            rules=_override(ContactRules(), rules, f"recipe {self.name}: rules"),
         )
 
     def network_config(self) -> NetworkConfig:

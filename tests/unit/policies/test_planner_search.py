@@ -31,7 +31,7 @@ def find(future, start, params=ROW, low=0.6, high=2.6, remaining=0.0, gain=1.0):
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.0, 1.0), st.floats(0.0, 2.5), st.floats(-0.5, 0.5))
-def test_a_plan_ends_on_the_board_at_the_impact_speed_with_thrust_along_the_normal(inclination, speed, turn):
+def test_a_plan_ends_on_the_board_at_the_impact_speed_with_thrust_leaning_up_the_slope(inclination, speed, turn):
     future, start = scene(inclination, speed, turn)
     (cost, duration, thrust), motion = find(future, start)
     assert math.isfinite(cost)
@@ -48,7 +48,9 @@ def test_a_plan_ends_on_the_board_at_the_impact_speed_with_thrust_along_the_norm
     assert relative @ n == pytest.approx(-ROW[pp.IMPACT_SPEED], abs=1e-6)
     assert np.linalg.norm(relative - (relative @ n) * n) <= ROW[pp.SKID] + 1e-6
     force = end[2] + ROW[pp.DRAG] * end[1] + np.array([0, 0, ROW[pp.GRAVITY]])
-    assert force == pytest.approx(thrust * n, abs=1e-5)
+    lean = ROW[pp.LEAN] * min(1.0, 2.0 * math.sin(inclination))
+    up = np.array([n[2] * math.cos(board[3]), n[2] * math.sin(board[3]), math.sin(inclination)])
+    assert force == pytest.approx(thrust * (math.cos(lean) * n + math.sin(lean) * up), abs=1e-5)
 
 
 def test_a_cheap_plan_stays_over_the_board_s_plane_and_within_the_thrust():
