@@ -20,7 +20,6 @@ from hil.messages import Event
 from hil.node import Node
 from hil.receipts import ReceiptBook
 
-PHASES_NS = {"brain": 3_000_000, "car": 5_000_000, "referee": 7_000_000}
 _WIRE_REST_NS = 1_000_000  # a flood on a wire may not keep its driver busy
 _HEALTH_NS = 500_000_000
 _IDLE_NS = 100_000_000
@@ -112,7 +111,7 @@ class LiveService:
 
     def run(self) -> None:
         """Step the nodes from the run's start until stopped, aborted or orphaned."""
-        self._seats.begin(PHASES_NS.get(self.name, 0))
+        self._seats.begin()
         # Each service tells its health at a moment of its own: all at once they held pictures up by 4 ms
         self._health_ns = zlib.crc32(self.name.encode()) % _HEALTH_NS
         while not self._stop:

@@ -34,7 +34,7 @@ def permitted(call):
     return subprocess.run([sys.executable, "-c", f"import os; {call}"], capture_output=True).returncode == 0
 
 
-@pytest.mark.parametrize("service", ["brain", "detector", "camera", "recorder"])
+@pytest.mark.parametrize("service", ["brain", "detector", "mocap", "camera", "recorder"])
 def test_a_service_takes_what_it_may(service):
     nice, real_time, _, session = ask(service, own_session=True)
     wanted = PRIORITIES.get(service, CONTROL)
@@ -51,6 +51,6 @@ def test_the_session_of_a_shell_is_left_alone():
 
 
 def test_what_somebody_waits_for_goes_first():
-    order = [CONTROL, *(PRIORITIES[name] for name in ("detector", "camera", "recorder"))]
+    order = [CONTROL, *(PRIORITIES[name] for name in ("detector", "car", "camera", "recorder"))]
     assert [one.nice for one in order] == sorted({one.nice for one in order})
     assert [one.real_time for one in order] == sorted({one.real_time for one in order}, reverse=True)
