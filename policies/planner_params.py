@@ -187,7 +187,7 @@ class PlannerParams:
     miss: float = 0.1
     predict_trust: float = 1.0
     freeze_flat: float = 0.48
-    lean: float = 0.08
+    lean: float = 0.06
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -52,9 +52,22 @@ def test_all_recipes_load():
     assert (env.stride, env.speed, env.weights.row()[16]) == (1, (0.0, 2.5), 0.0)
 
 
+def test_the_learned_baseline_narrows_its_goal_to_the_paper_s_and_is_paid_for_nothing_but_reaching_it():
+    recipe = load_recipe("incline-lander")
+    envs = [recipe.env_config("state", 1, phase) for phase in recipe.phase]
+    limits = [(env.rules.delta_d, env.rules.delta_v, env.rules.delta_theta) for env in envs]
+    assert limits == sorted(limits, reverse=True)
+    assert limits[-1] == (0.2, 0.6, 0.2)
+    assert sum(recipe.phase_config(phase).samples for phase in recipe.phase) == 40_000_000
+    paid = {name: value for name, value in vars(envs[0].weights).items() if name in ("guide", "action", "smoothness")}
+    assert set(paid.values()) == {0.0}
+    assert not recipe.network_config().temporal
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
+        ("weights = {", "rules = { delta_x = 0.3 }\nweights = {", "delta_x"),
         ('kind = "dagger"', 'kind = "sarsa"', "sarsa"),
         ("count = 32", "cuont = 32", "did you mean 'count'"),
         ("count = 32", 'count = "many"', "count"),
