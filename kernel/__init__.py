@@ -21,6 +21,7 @@ __all__ = ["CACHE_DIR", "cache_is_cold", "njit", "prange"]
 CACHE_DIR = Path(
     os.environ.get("PERCH_KERNEL_CACHE", Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "perch-hil")
 )
+_OURS = "_perch_kernel"  # marks what was compiled by `njit` below, wherever it stands: benchmarks and tests too
 _PACKAGES = ("kernel", "groundcar", "vehicle", "policies", "hil")
 
 prange = numba.prange
@@ -29,7 +30,13 @@ prange = numba.prange
 def njit(*args: Any, **options: Any) -> Any:
     """`numba.njit` with the house's settings: cached on disk, IEEE division (no exception checks), no fastmath."""
     options = {"cache": True, "error_model": "numpy", **options}
-    return numba.njit(*args, **options) if args else numba.njit(**options)
+    compiled: Any = numba.njit(**options)
+
+    def kernel(function: Any) -> Any:
+        setattr(function, _OURS, True)
+        return compiled(function)
+
+    return kernel(*args) if args else kernel
 
 
 def cache_is_cold() -> bool:
@@ -70,7 +77,7 @@ class CacheLocator(caching._CacheLocator):
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> CacheLocator | None:
-        if py_func.__module__.split(".")[0] not in _PACKAGES or py_func.__module__ not in sys.modules:
+        if not hasattr(py_func, _OURS) or py_func.__module__ not in sys.modules:
             return None
         locator = cls(py_func, py_file)
         try:

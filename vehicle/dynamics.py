@@ -25,7 +25,7 @@ from vehicle.airframe import (
     MOTOR_THRUST,
     YAW_TORQUE,
 )
-from vehicle.rotations import integrate, rotate, rotate_back
+from vehicle.rotations import from_rotation_vector, multiply, normalise, rotate, rotate_back
 
 # Indices of a vehicle row.
 P = 0  # 3, position of the centre of mass, m, world
@@ -114,11 +114,22 @@ def mix(roll, pitch, yaw, thrust, params):
 
 
 @njit
-def vehicle_step(row, u0, u1, u2, u3, params, dt):
-    """Advance one vehicle row in place by `dt` seconds (2-4 ms) under the motor commands u0..u3 (0..1)."""
+def motor_lag(params, dt):
+    """What motors keep of their thrust over `dt` s, and the mean of that over the step (2 floats).
+
+    Thrust over the step is the lag's mean over it, so that a step's impulse does not depend on the step's length.
+    """
     keep = math.exp(-dt / params[MOTOR_LAG])
-    # Thrust over the step is the lag's mean over it, so that a step's impulse does not depend on the step's length.
-    mean = (1.0 - keep) * params[MOTOR_LAG] / dt
+    return keep, (1.0 - keep) * params[MOTOR_LAG] / dt
+
+
+@njit
+def vehicle_step(row, u0, u1, u2, u3, params, lag, dt):
+    """Advance one vehicle row in place by `dt` s (2-4 ms) under the motor commands u0..u3 (0..1).
+
+    `lag` comes from `motor_lag` for the same `dt`.
+    """
+    keep, mean = lag
     m0, m1, m2, m3 = row[MOTOR], row[MOTOR + 1], row[MOTOR + 2], row[MOTOR + 3]
     row[MOTOR], row[MOTOR + 1] = u0 + keep * (m0 - u0), u1 + keep * (m1 - u1)
     row[MOTOR + 2], row[MOTOR + 3] = u2 + keep * (m2 - u2), u3 + keep * (m3 - u3)
@@ -145,7 +156,9 @@ def vehicle_step(row, u0, u1, u2, u3, params, dt):
     fz = (full * (m0 + m1 + m2 + m3) - params[DRAG + 2] * air_z) * over_mass
     row[F], row[F + 1], row[F + 2] = fx, fy, fz
     # The force acts along the attitude in the middle of the step: second order without a second evaluation.
-    q_mid = integrate(q, 0.5 * (wx + nx), 0.5 * (wy + ny), 0.5 * (wz + nz), 0.5 * dt)
+    quarter = 0.25 * dt
+    half_turn = from_rotation_vector(quarter * (wx + nx), quarter * (wy + ny), quarter * (wz + nz))
+    q_mid = multiply(q, half_turn)
     ax, ay, az = rotate(q_mid, fx, fy, fz)
     az -= GRAVITY
     row[P] += dt * (row[V] + 0.5 * dt * ax)
@@ -154,5 +167,5 @@ def vehicle_step(row, u0, u1, u2, u3, params, dt):
     row[V] += dt * ax
     row[V + 1] += dt * ay
     row[V + 2] += dt * az
-    q = integrate(q, 0.5 * (wx + nx), 0.5 * (wy + ny), 0.5 * (wz + nz), dt)
+    q = normalise(multiply(q_mid, half_turn))
     row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = q[0], q[1], q[2], q[3]

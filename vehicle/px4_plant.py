@@ -11,7 +11,7 @@ import math
 from kernel import njit
 from kernel.random import normal
 from vehicle.airframe import GRAVITY
-from vehicle.dynamics import INTEGRAL, F, P, Q, V, W, vehicle_step
+from vehicle.dynamics import INTEGRAL, F, P, Q, V, W, motor_lag, vehicle_step
 from vehicle.px4_control import EST_P, EST_Q, EST_V, EST_W, LANDED, OUT_RATE, OUT_THRUST, control_step
 from vehicle.rate_control import filter_coefficients, rate_step
 from vehicle.rotations import (
@@ -111,7 +111,7 @@ def tick(row, params, c, est, error, noise, stream, situation, dt, substeps):
             c[OUT_RATE + axis] = 0.0
         c[OUT_THRUST] = 0.0
     h = dt / substeps
-    k = filter_coefficients(params, h)
+    k, lag = filter_coefficients(params, h), motor_lag(params, h)
     resting = False
     for _ in range(substeps):
         u0, u1, u2, u3 = 0.0, 0.0, 0.0, 0.0
@@ -122,12 +122,12 @@ def tick(row, params, c, est, error, noise, stream, situation, dt, substeps):
         if situation[ATTACHED] > 0.0:
             px, py, pz, q0, q1, q2, q3 = row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3]
             vx, vy, vz, wx, wy, wz = row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2]
-            vehicle_step(row, u0, u1, u2, u3, params, h)  # for the motors' sake
+            vehicle_step(row, u0, u1, u2, u3, params, lag, h)  # for the motors' sake
             row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = px, py, pz, q0, q1, q2, q3
             row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2] = vx, vy, vz, wx, wy, wz
             _carried(row, h)
         else:
-            vehicle_step(row, u0, u1, u2, u3, params, h)
+            vehicle_step(row, u0, u1, u2, u3, params, lag, h)
             resting = row[P + 2] <= situation[GROUND] and row[V + 2] <= 0.0
             if resting:
                 _stand_on_ground(row, situation[GROUND])

@@ -22,7 +22,19 @@ from vehicle.airframe import (
     RATE_P,
     YAW_TORQUE_CUTOFF,
 )
-from vehicle.dynamics import ACCEL, GYRO, HEADROOM_DOWN, HEADROOM_UP, INTEGRAL, RATE, TORQUE_YAW, W, mix, vehicle_step
+from vehicle.dynamics import (
+    ACCEL,
+    GYRO,
+    HEADROOM_DOWN,
+    HEADROOM_UP,
+    INTEGRAL,
+    RATE,
+    TORQUE_YAW,
+    W,
+    mix,
+    motor_lag,
+    vehicle_step,
+)
 
 _I_FADE = math.radians(400.0)  # the integrator's gain falls to 0 at this rate error (PX4 RateControl)
 _SLACK = 1e-3  # of the torque set-point: below it an allocation counts as achieved
@@ -119,10 +131,10 @@ def settle_filters(row, params, dt):
 def fly_normalised(row, rate_x, rate_y, rate_z, thrust, params, dt, substeps):
     """Advance a row in place by `dt` s under body rates (rad/s, FLU) and normalised thrust (0..1) held constant."""
     h = dt / substeps
-    c = filter_coefficients(params, h)
+    c, lag = filter_coefficients(params, h), motor_lag(params, h)
     for _ in range(substeps):
         u0, u1, u2, u3 = rate_step(row, rate_x, rate_y, rate_z, thrust, params, c, h)
-        vehicle_step(row, u0, u1, u2, u3, params, h)
+        vehicle_step(row, u0, u1, u2, u3, params, lag, h)
 
 
 @njit

@@ -23,9 +23,9 @@ def package(tmp_path):
     (tmp_path / "vehicle" / "caller.py").write_text(CALLER)
     (tmp_path / "kernel").symlink_to(ROOT / "kernel")
 
-    def run(**environment):
-        code = """
-            from vehicle.caller import caller
+    def run(module="vehicle.caller", **environment):
+        code = f"""
+            from {module} import caller
             print(caller(1.0), getattr(caller, "stats", None) and sum(caller.stats.cache_hits.values()))
         """
         environment = {**os.environ, "PERCH_KERNEL_CACHE": str(tmp_path / "cache"), "PYTHONPATH": "", **environment}
@@ -48,6 +48,16 @@ def test_a_changed_callee_is_recompiled_and_an_unchanged_one_is_not(package):
     assert run() == ["2.0", "1"]
     helper.write_text(HELPER.format(3.0))
     assert run() == ["3.0", "0"]
+
+
+def test_so_it_is_in_a_file_that_belongs_to_no_package_of_the_house(package):
+    helper, run = package
+    (helper.parents[1] / "bench.py").write_text(CALLER)
+    helper.write_text(HELPER.format(2.0))
+    assert run("bench") == ["2.0", "0"]
+    assert run("bench") == ["2.0", "1"]
+    helper.write_text(HELPER.format(3.0))
+    assert run("bench") == ["3.0", "0"]
 
 
 def test_kernels_run_without_the_compiler(package):

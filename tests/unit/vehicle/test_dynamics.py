@@ -25,7 +25,7 @@ def free_of_air(params=PAPER):
 
 def run(row, motors, params, seconds, dt=DT):
     for _ in range(round(seconds / dt)):
-        d.vehicle_step(row, *motors, params, dt)
+        d.vehicle_step(row, *motors, params, d.motor_lag(params, dt), dt)
     return row
 
 
