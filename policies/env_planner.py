@@ -52,7 +52,7 @@ FORESIGHT, BELIEF = "foresight", "belief"  # what a planner that teaches knows
 # one who takes the board to the picture's edge would let it lose the board.
 _READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_fov": math.radians(19.0)}
 # Its approach is never as cheap as the planner's own; it cannot tell a slow phase that is worth waiting for; and it
-# turns up late: it leans 0.05 rad more than it is shown to, on steep boards most.
+# turns up late: it leans 0.05 rad more than it is shown to.
 _BOLDLY = {"commit_cost": 4.0, "run_swing": 1.0, "lean": 0.02, "steep": {**STEEP, "lean": -0.03}}
 
 # Slices of a work row.
