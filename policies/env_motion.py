@@ -43,20 +43,9 @@ from groundcar.trajectories import (
 )
 from kernel import njit
 from kernel.random import uniform
-from policies.env_config import (
-    C_CAR_LAG,
-    C_FAMILY,
-    C_INC_HIGH,
-    C_INC_LOW,
-    C_LAW,
-    C_SPEED_HIGH,
-    C_SPEED_LOW,
-    C_SWINGS,
-    TICK,
-)
+from policies.env_config import C_CAR_LAG, C_FAMILY, C_INC_HIGH, C_INC_LOW, C_LAW, C_SPEED_HIGH, C_SPEED_LOW, TICK
 
 BOARD_HEIGHT = 1.5  # m, paper
-_SLOW, _FAST = (0.8, 1.2), (2.2, 2.8)  # m/s, between which `swings` go
 MOTION_DIM = A + 8  # aux row of groundcar.motion, then the platform row at the end of the track
 _KINDS = (SPLINE, LINE, RACETRACK, FIGURE8, ARC, STATIC)
 _SPEED_KINDS = (CONSTANT, OU, COSINE, SCHEDULED)
@@ -120,16 +109,9 @@ def motion_draw(motion, config, rng):
         speed = min(speed, max(low, _FIGURE8_SPEED))
     if kind == STATIC:
         speed, law = 0.0, 0
-    swings = kind == SPLINE and _SPEED_KINDS[law] == COSINE and config[C_SWINGS] > 0.0
-    if swings:
-        swings = uniform(rng, 0.0, 1.0) < config[C_SWINGS]
-    if swings:
-        speed = uniform(rng, *_FAST)
     aux[:] = 0.0
     _draw_path(aux[PATH_ROW : PATH_ROW + P], kind, speed, rng)
     _draw_speed(_SPEED_KINDS[law], aux[SPEED_ROW : SPEED_ROW + S], speed, low, high, rng)
-    if swings:
-        aux[SPEED_ROW + V] = uniform(rng, *_SLOW)
     aux[PATH_KIND], aux[SPEED_KIND] = kind, _SPEED_KINDS[law]
     aux[CHANGE_TIME], aux[CHANGE_LENGTH] = math.inf, math.inf
     aux[ACCEL_LIMIT], aux[DAMPING] = math.inf, 1.0

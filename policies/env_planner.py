@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -36,7 +35,6 @@ from policies.planner import (
     planner_reset,
     planner_step,
 )
-from policies.planner_params import STEEP
 from policies.planner_policy import planner_params
 from policies.prediction import HORIZON, STEP
 from policies.predictor import SCRATCH_DIM, load_predictor
@@ -51,9 +49,8 @@ FORESIGHT, BELIEF = "foresight", "belief"  # what a planner that teaches knows
 # A student follows less exactly than it is shown: a teacher who waits for an exact standoff would let it wait for ever,
 # one who takes the board to the picture's edge would let it lose the board.
 _READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_fov": math.radians(19.0)}
-# Its approach is never as cheap as the planner's own; it cannot tell a slow phase that is worth waiting for; and it
-# turns up late: it leans 0.05 rad more than it is shown to.
-_BOLDLY = {"commit_cost": 4.0, "run_swing": 1.0, "lean": 0.02, "steep": {**STEEP, "lean": -0.03}}
+# Its approach is never as cheap as the planner's own, and it turns up late: it leans 0.05 rad more than it is shown to.
+_BOLDLY = {"commit_cost": 4.0, "lean": 0.0}
 
 # Slices of a work row.
 _BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
@@ -117,7 +114,7 @@ def plan_rows(rows, shared, fresh, source, states, memories, works, futures, scr
 class PlannerInEnv:
     """A planner as an `evaluate.Policy`; call it once a step. A new environment starts it anew."""
 
-    def __init__(self, source: int = LEARNED, **changes: Any) -> None:
+    def __init__(self, source: int = LEARNED, **changes: float) -> None:
         """`source` of the future; `changes` of PlannerParams. Raises what `predictor.load_predictor` raises."""
         self._source, self._changes = source, changes
         self._net = load_predictor() if source == LEARNED else np.zeros(0, dtype=np.float32)

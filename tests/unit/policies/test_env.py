@@ -6,9 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundcar.motion import SPEED_ROW
-from groundcar.speed_laws import V2 as HIGHEST
-from groundcar.speed_laws import V as LOWEST
 from policies.belief import BoardFilter
 from policies.contact import NORMAL_ERROR, OUTCOME, REASON, REASONS, SUCCESS, TIME_LIMIT
 from policies.env import Env, Tally, fill_future
@@ -20,7 +17,6 @@ from policies.env_rows import (
     S_FAMILY,
     S_FILLED,
     S_PENDING,
-    S_SPEED,
     S_STEP,
     S_VISIBLE,
 )
@@ -51,18 +47,6 @@ def test_start_is_the_paper_s_table():
     assert np.degrees(board[:, 6]).max() <= 80.0 and (board[:, 2] == 1.5).all()
     drawn = np.bincount(env.rows.state[:, S_FAMILY].astype(int), minlength=len(FAMILIES))
     assert (drawn > 0).all()
-
-
-def test_as_many_swing_like_hard_i_as_asked_for_and_none_else():
-    laws = {"families": (1.0, 0, 0, 0, 0, 0), "laws": (0, 0, 1.0, 0), "speed": (0.0, 0.5), "count": 400, "seed": 3}
-    for share, least, most in ((0.0, 0, 0), (0.5, 160, 240), (1.0, 400, 400)):
-        env = Env(EnvConfig(swings=share, **laws, **QUIET))
-        env.reset()
-        slow, fast = env.rows.motion[:, SPEED_ROW + LOWEST], env.rows.motion[:, SPEED_ROW + HIGHEST]
-        wide = (fast > 2.2) & (fast < 2.8) & (slow > 0.8) & (slow < 1.2)
-        assert least <= wide.sum() <= most
-        assert (fast[~wide] <= 0.5).all()
-        assert (env.rows.state[wide, S_SPEED] == fast[wide]).all()  # the path was drawn for the highest speed
 
 
 def test_equal_seeds_give_equal_numbers_whatever_happens_beside():

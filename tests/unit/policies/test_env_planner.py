@@ -9,7 +9,6 @@ from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
 from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import TICK, EnvConfig
-from policies.env_planner import _BOLDLY as BOLDLY
 from policies.env_planner import ANALYTIC, BELIEF, FORESIGHT, LEARNED, PlannerInEnv, PlannerTeacher
 from policies.env_rows import S_STEP, X_P, X_Q, X_V
 from policies.observation import action_from_command
@@ -97,7 +96,7 @@ def test_a_teacher_on_the_belief_would_fly_as_the_planner_does():
         return env.rows.vehicle.copy()
 
     def planner(env):
-        made = PlannerInEnv(**BOLDLY)
+        made = PlannerInEnv(commit_cost=4.0, lean=0.0)
         return lambda: made(env)
 
     np.testing.assert_allclose(flown(lambda env: PlannerTeacher(env, BELIEF).act), flown(planner), atol=1e-6)
