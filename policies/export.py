@@ -16,7 +16,7 @@ from policies.observation import OBS_DIM
 
 MAX_BYTES = 2_000_000
 TOLERANCE = 1e-5
-_COMPARED = 256
+_COMPARED = 256  # observations at most
 
 
 def export(actor: Actor, contract: Contract, path: str | Path, observations: np.ndarray | None = None) -> float:
@@ -73,9 +73,9 @@ def compare(flight: FlightActor, path: Path, observations: np.ndarray | None = N
     much on them.
     """
     session, _ = open_policy(path)
-    observation = observations
-    if observation is None:
-        observation = np.random.default_rng(0).normal(0.0, 1.5, (_COMPARED, OBS_DIM)).astype(np.float32)
+    if observations is None:
+        observations = np.random.default_rng(0).normal(0.0, 1.5, (_COMPARED, OBS_DIM)).astype(np.float32)
+    observation = observations[:_COMPARED]
     with torch.no_grad():
         wanted = flight(torch.from_numpy(observation)).numpy()
     got = np.concatenate([session.run(None, {"observation": row[None]})[0] for row in observation])

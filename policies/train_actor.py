@@ -13,7 +13,6 @@ from policies.train_recipe import Recipe
 from vehicle.airframe import load_airframe
 
 POLICY, ACTOR = "policy.onnx", "actor.pt"
-_COMPARED = 256  # observations on which the two must agree
 
 
 def load_actor(path: Path) -> tuple[Actor, dict]:
@@ -65,5 +64,4 @@ def keep_actor(
     save_checkpoint(out_dir / ACTOR, {"actor": weights, "network": config.data(), "provenance": origin_data})
     actor = Actor(config)
     actor.load_state_dict(weights)
-    seen = learner.env.rows.observation[:_COMPARED]
-    export(actor, contract_for(env, name, origin), out_dir / POLICY, seen)
+    export(actor, contract_for(env, name, origin), out_dir / POLICY, learner.env.rows.observation)

@@ -41,7 +41,7 @@ def test_with_perfect_foresight_it_perches_every_time(case):
     flown = fly(case, 24, FORESEEN, thrust_to_weight=0.0)
     assert (flown.success, flown.attached) == (100.0, 100.0), flown.causes
     assert flown.position_error < 0.05
-    assert flown.normal_error < PlannerParams().lean + 0.05
+    assert flown.normal_error < (0.08 if case == "T1" else PlannerParams().lean + 0.05)  # no lean on flat boards
 
 
 @pytest.mark.parametrize("case", ["line", "steep", "swinging"])  # the line's ends, where the board turns back, count
