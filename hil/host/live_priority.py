@@ -30,7 +30,7 @@ class Priority(NamedTuple):
 # A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn and
 # several to be searched: these two are not chopped up, and the drawn one is not due before it would have been read out.
 # Who is not on the way from the picture to the motors comes after the detector: with them before it one picture in ten
-# came 1.5 ms later and more. The recorder has time, but not for ever: left to what the others leave it waited for a core 61 % of
+# came 1.5 ms later. The recorder has time, but not for ever: left to what the others leave it waited for a core 61 % of
 # a soak.
 CONTROL = Priority(-15, 300_000, 30)
 PRIORITIES = {
