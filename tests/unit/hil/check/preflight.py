@@ -1,7 +1,9 @@
 """The preflight's items by check and name, tried on simulated devices."""
 
+from collections import namedtuple
 from dataclasses import replace
 
+from hil.check import items_host
 from hil.check.checklist import load_checklist
 from hil.check.judge import judge
 from hil.check.registry import checks
@@ -24,3 +26,9 @@ def result(context, check, **args):
 def with_slot(context, slot, **changes):
     section = getattr(context.rig, slot).model_copy(update=changes)
     return replace(context, rig=context.rig.model_copy(update={slot: section}), _kept={})
+
+
+def roomy(monkeypatch, gigabytes):
+    """Let the disk have so much room: what this machine happens to have left must decide no test."""
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(items_host.shutil, "disk_usage", lambda folder: usage(1e12, 1e12, gigabytes * 1e9))

@@ -1,7 +1,7 @@
 """A healthy simulated rig passes every item of the preflight; what cannot be read is unknown, not failed."""
 
 import pytest
-from preflight import ITEMS, result, with_slot
+from preflight import ITEMS, result, roomy, with_slot
 
 from hil.check.judge import Outcome
 from hil.check.registry import NotApplicable, Unavailable
@@ -10,7 +10,8 @@ HEALTHY = [key for key in ITEMS if key[0] not in ("host.bus",) and ITEMS[key].wh
 
 
 @pytest.mark.parametrize("key", HEALTHY, ids=[" ".join(key).strip() for key in HEALTHY])
-def test_a_healthy_simulated_rig_passes_every_item_of_the_preflight(healthy, key):
+def test_a_healthy_simulated_rig_passes_every_item_of_the_preflight(healthy, key, monkeypatch):
+    roomy(monkeypatch, gigabytes=100.0)
     try:
         judged = result(healthy, key[0], **({"name": key[1]} if key[1] else {}))
     except NotApplicable as error:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from preflight import ITEMS, result
+from preflight import ITEMS, result, roomy
 
 from hil import bus_clock
 from hil.bus import BusError, open_hub
@@ -25,6 +25,14 @@ def test_the_bus_is_tried_and_one_that_does_not_come_up_is_unknown(context, monk
     with pytest.raises(Unavailable, match="cannot listen"):
         result(context, "host.bus")
     assert ITEMS["host.bus", ""].optional
+
+
+@pytest.mark.parametrize(
+    ("gigabytes", "outcome"), [(1.9, Outcome.FAIL), (5.0, Outcome.MARGINAL), (50.0, Outcome.PASS)]
+)
+def test_a_disk_with_too_little_room_for_a_run_fails(context, monkeypatch, gigabytes, outcome):
+    roomy(monkeypatch, gigabytes)
+    assert result(context, "host.disk").outcome is outcome
 
 
 def test_a_disk_that_cannot_be_written_fails_the_recorder(context, monkeypatch):
