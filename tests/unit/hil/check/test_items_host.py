@@ -27,9 +27,7 @@ def test_the_bus_is_tried_and_one_that_does_not_come_up_is_unknown(context, monk
     assert ITEMS["host.bus", ""].optional
 
 
-@pytest.mark.parametrize(
-    ("gigabytes", "outcome"), [(1.9, Outcome.FAIL), (5.0, Outcome.MARGINAL), (50.0, Outcome.PASS)]
-)
+@pytest.mark.parametrize(("gigabytes", "outcome"), [(1.9, Outcome.FAIL), (5.0, Outcome.MARGINAL), (50.0, Outcome.PASS)])
 def test_a_disk_with_too_little_room_for_a_run_fails(context, monkeypatch, gigabytes, outcome):
     roomy(monkeypatch, gigabytes)
     assert result(context, "host.disk").outcome is outcome
