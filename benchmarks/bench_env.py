@@ -23,22 +23,15 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from kernel import njit, prange
 from policies.env import Env
 from policies.env_config import TICK, EnvConfig
 from vehicle.airframe import load_airframe
 from vehicle.dynamics import vehicle_row
-from vehicle.rate_control import fly
+from vehicle.fleet import NEWER, ORDER_DIM, fly_rows
 
 Rate = tuple[float, float]  # control steps a second, and a CPU second: what a busy machine leaves comparable
 PEER = {"vehicle": (276_345.0, float("nan")), "gym": (102_000.0, float("nan"))}  # at N = 4096, elsewhere
 PEER_PYTHON = Path(__file__).parents[1] / ".venv" / "peer" / "bin" / "python"
-
-
-@njit(parallel=True)
-def _fly_all(rows, commands, params, substeps):
-    for i in prange(rows.shape[0]):
-        fly(rows[i], commands[i], params, TICK, substeps)
 
 
 def rate(step: Callable[[], None], count: int, seconds: float) -> Rate:
@@ -65,10 +58,11 @@ def measure(count: int, seconds: float, threads: int) -> dict[str, Rate]:
     numba.set_num_threads(threads)
     airframe = load_airframe("paper_quad")
     hover = vehicle_row((0.0, 0.0, 2.0), motor=airframe.hover_thrust)
-    rows, params = np.tile(hover, (count, 1)), airframe.params_row()
-    commands = np.random.default_rng(0).normal(0.0, 0.3, (count, 4))
-    commands[:, 3] = 9.8
-    rates = {"vehicle": rate(lambda: _fly_all(rows, commands, params, 5), count, seconds)}
+    rows, params = np.tile(hover, (count, 1)), np.tile(airframe.params_row(), (count, 1))
+    orders = np.zeros((count, ORDER_DIM))
+    orders[:, NEWER : NEWER + 3] = np.random.default_rng(0).normal(0.0, 0.3, (count, 3))
+    orders[:, NEWER + 3] = 9.8
+    rates = {"vehicle": rate(lambda: fly_rows(rows, orders, params, TICK, 5), count, seconds)}
     actions = np.random.default_rng(1).normal(0.0, 0.1, (count, 4))
     for stage in ("state", "vision"):
         env = Env(EnvConfig(stage=stage, count=count, seed=1, horizon=80, future_stride=5))

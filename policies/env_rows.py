@@ -18,6 +18,7 @@ from policies.thrust_gain import GAIN_DIM
 from vehicle.airframe import NP
 from vehicle.camera import CAM_DIM
 from vehicle.dynamics import ND
+from vehicle.fleet import ORDER_DIM
 
 FUTURE = 15  # N of the paper: future board states for the critic
 FUTURE_DIM = FUTURE * ENTRY_DIM
@@ -54,6 +55,7 @@ class Rows(NamedTuple):
 
     vehicle: np.ndarray  # (N, ND)
     params: np.ndarray  # (N, NP)
+    order: np.ndarray  # (N, ORDER_DIM) what the vehicle is asked in this step
     motion: np.ndarray  # (N, MOTION_DIM) where the board's motion stands, at the end of the track
     track: np.ndarray  # (N, T, 8) true platform rows, step by step since the reset, known to S_FILLED
     belief: np.ndarray  # (N, BELIEF_DIM)
@@ -102,6 +104,7 @@ def allocate(config: EnvConfig) -> Rows:
     return Rows(
         vehicle=zeros(ND),
         params=zeros(NP),
+        order=zeros(ORDER_DIM),
         motion=zeros(MOTION_DIM),
         track=zeros(track_length(config), 8),
         belief=zeros(BELIEF_DIM),

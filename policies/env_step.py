@@ -55,21 +55,19 @@ from policies.observation import (
 from policies.reward import active_perception, shaping, terminal, total
 from vehicle.camera import camera_position, optical_axis
 from vehicle.dynamics import P, Q, V, W
-from vehicle.rate_control import fly
+from vehicle.fleet import LANES, NEWER, OLDER, SINCE, fly_block
 
 
 @njit
-def _fly(rows, i, shared, command):
-    """10 ms of physics: the commands asked before act until the new one arrives."""
-    state, vehicle, params = rows.state[i], rows.vehicle[i], rows.params[i]
+def _order(rows, i, shared, action):
+    """What the vehicle of row i is asked in this step: the commands asked before act until the new one arrives."""
+    state, command, order = rows.state[i], rows.scratch[i, X_COMMAND : X_COMMAND + 4], rows.order[i]
+    command_from_action(action, command)
     substeps = int(shared.config[C_SUBSTEPS])
-    step = TICK / substeps
-    whole, part = int(state[S_DELAY]) // substeps, int(state[S_DELAY]) % substeps
-    newer = command if whole == 0 else state[S_COMMAND : S_COMMAND + 4]
-    older = state[S_COMMAND : S_COMMAND + 4] if whole == 0 else state[S_BEFORE : S_BEFORE + 4]
-    if part > 0:
-        fly(vehicle, older, params, part * step, part)
-    fly(vehicle, newer, params, (substeps - part) * step, substeps - part)
+    whole = int(state[S_DELAY]) // substeps
+    order[SINCE] = int(state[S_DELAY]) % substeps
+    order[NEWER : NEWER + 4] = command if whole == 0 else state[S_COMMAND : S_COMMAND + 4]
+    order[OLDER : OLDER + 4] = state[S_COMMAND : S_COMMAND + 4] if whole == 0 else state[S_BEFORE : S_BEFORE + 4]
     state[S_BEFORE : S_BEFORE + 4] = state[S_COMMAND : S_COMMAND + 4]
     state[S_COMMAND : S_COMMAND + 4] = command
 
@@ -88,12 +86,9 @@ def _active(rows, i, shared, platform, now):
 
 
 @njit
-def step_row(rows, i, shared, action):
-    """Advance row i by one control step under `action` (4,), clipped to [-1, 1]; a row that ends begins anew."""
+def _follow(rows, i, shared, action):
+    """All of a control step that comes after the physics; a row that ends begins anew."""
     c, state, vehicle, x = shared.config, rows.state[i], rows.vehicle[i], rows.scratch[i]
-    command = x[X_COMMAND : X_COMMAND + 4]
-    command_from_action(action, command)
-    _fly(rows, i, shared, command)
     state[S_STEP] += 1.0
     step = int(state[S_STEP])
     state[S_FILLED] = extend_track(rows.motion[i], rows.track[i], int(state[S_FILLED]), step, rows.rng[i])
@@ -139,6 +134,13 @@ def _close(rows, i, platform):
 
 @njit(parallel=True)
 def step_rows(rows, shared, actions):
-    """Advance every row under `actions` ((N, 4))."""
-    for i in prange(rows.done.shape[0]):
-        step_row(rows, i, shared, actions[i])
+    """Advance every row by one control step under `actions` ((N, 4)), clipped to [-1, 1]."""
+    count, substeps = rows.done.shape[0], int(shared.config[C_SUBSTEPS])
+    for block in prange((count + LANES - 1) // LANES):
+        first = block * LANES
+        last = min(first + LANES, count)
+        for i in range(first, last):
+            _order(rows, i, shared, actions[i])
+        fly_block(rows.vehicle, rows.order, rows.params, first, TICK / substeps, substeps)
+        for i in range(first, last):
+            _follow(rows, i, shared, actions[i])

@@ -11,7 +11,7 @@ import math
 from kernel import njit
 from kernel.random import normal
 from vehicle.airframe import GRAVITY
-from vehicle.dynamics import INTEGRAL, F, P, Q, V, W, motor_lag, vehicle_step
+from vehicle.dynamics import INTEGRAL, F, P, Q, V, W, column, motor_lag, vehicle_step
 from vehicle.px4_control import EST_P, EST_Q, EST_V, EST_W, LANDED, OUT_RATE, OUT_THRUST, control_step
 from vehicle.rate_control import filter_coefficients, rate_step
 from vehicle.rotations import (
@@ -112,22 +112,28 @@ def tick(row, params, c, est, error, noise, stream, situation, dt, substeps):
         c[OUT_THRUST] = 0.0
     h = dt / substeps
     k, lag = filter_coefficients(params, h), motor_lag(params, h)
+    s, p = column(row), column(params)
+    setpoint = (c[OUT_RATE], c[OUT_RATE + 1], c[OUT_RATE + 2])
     resting = False
     for _ in range(substeps):
-        u0, u1, u2, u3 = 0.0, 0.0, 0.0, 0.0
+        u = (0.0, 0.0, 0.0, 0.0)
         if armed:
-            u0, u1, u2, u3 = rate_step(row, c[OUT_RATE], c[OUT_RATE + 1], c[OUT_RATE + 2], c[OUT_THRUST], params, k, h)
-            u0, u1 = u0 * situation[HEALTH], u1 * situation[HEALTH + 1]
-            u2, u3 = u2 * situation[HEALTH + 2], u3 * situation[HEALTH + 3]
+            u0, u1, u2, u3 = rate_step(s, 0, setpoint, c[OUT_THRUST], p, k, h)
+            u = (
+                u0 * situation[HEALTH],
+                u1 * situation[HEALTH + 1],
+                u2 * situation[HEALTH + 2],
+                u3 * situation[HEALTH + 3],
+            )
         if situation[ATTACHED] > 0.0:
             px, py, pz, q0, q1, q2, q3 = row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3]
             vx, vy, vz, wx, wy, wz = row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2]
-            vehicle_step(row, u0, u1, u2, u3, params, lag, h)  # for the motors' sake
+            vehicle_step(s, 0, u, p, lag, h)  # for the motors' sake
             row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = px, py, pz, q0, q1, q2, q3
             row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2] = vx, vy, vz, wx, wy, wz
             _carried(row, h)
         else:
-            vehicle_step(row, u0, u1, u2, u3, params, lag, h)
+            vehicle_step(s, 0, u, p, lag, h)
             resting = row[P + 2] <= situation[GROUND] and row[V + 2] <= 0.0
             if resting:
                 _stand_on_ground(row, situation[GROUND])

@@ -31,12 +31,13 @@ from vehicle.dynamics import (
     RATE,
     TORQUE_YAW,
     W,
-    mix,
+    column,
     motor_lag,
     vehicle_step,
 )
+from vehicle.mixer import mix
 
-_I_FADE = math.radians(400.0)  # the integrator's gain falls to 0 at this rate error (PX4 RateControl)
+_PER_FADE = 1.0 / math.radians(400.0)  # the integrator's gain falls to 0 at this rate error (PX4 RateControl)
 _SLACK = 1e-3  # of the torque set-point: below it an allocation counts as achieved
 
 
@@ -59,52 +60,90 @@ def filter_coefficients(params, dt):
     return b0, b1, b2, a1, a2, alpha, yaw_alpha, 1.0 / dt
 
 
+@njit(forceinline=True)
+def _law(rate, accel, integral, setpoint, up, down, gains, dt):
+    """PID of one axis: (torque set-point, integrator). `up`, `down`: headroom. A set-point of NaN keeps `rate`."""
+    k, p, i, d, limit = gains
+    error = 0.0 if math.isnan(setpoint) else setpoint - rate
+    torque = k * (p * error - d * accel) + integral
+    wound = error * (up if error > 0.0 else down)
+    faded = wound * _PER_FADE
+    integral += max(0.0, 1.0 - faded * faded) * k * i * wound * dt
+    return min(1.0, max(-1.0, torque)), min(limit, max(-limit, integral))
+
+
 @njit(inline="always")
-def _axis(row, axis, setpoint, params, c, dt):
+def _axis(s, k, axis, setpoint, p, c, dt):
     """Torque set-point of one axis from its filtered rate; updates the axis' filters and integrator in place."""
     g = GYRO + 2 * axis
-    delayed = row[W + axis] - c[3] * row[g] - c[4] * row[g + 1]
-    rate = c[0] * delayed + c[1] * row[g] + c[2] * row[g + 1]
-    row[g + 1], row[g] = row[g], delayed
-    row[ACCEL + axis] += c[5] * ((rate - row[RATE + axis]) * c[7] - row[ACCEL + axis])
-    row[RATE + axis] = rate
-    error = setpoint - rate
-    k = params[RATE_K + axis]
-    torque = k * (params[RATE_P + axis] * error - params[RATE_D + axis] * row[ACCEL + axis]) + row[INTEGRAL + axis]
-    wound = error
-    if (error > 0.0 and row[HEADROOM_UP + axis] == 0.0) or (error < 0.0 and row[HEADROOM_DOWN + axis] == 0.0):
-        wound = 0.0
-    fade = max(0.0, 1.0 - (wound / _I_FADE) ** 2)
-    integral = row[INTEGRAL + axis] + fade * k * params[RATE_I + axis] * wound * dt
-    limit = params[RATE_LIMIT_I + axis]
-    row[INTEGRAL + axis] = min(limit, max(-limit, integral))
-    return min(1.0, max(-1.0, torque))
+    g0, g1 = s[g, k], s[g + 1, k]
+    delayed = s[W + axis, k] - c[3] * g0 - c[4] * g1
+    rate = c[0] * delayed + c[1] * g0 + c[2] * g1
+    s[g + 1, k], s[g, k] = g0, delayed
+    accel = s[ACCEL + axis, k]
+    accel += c[5] * ((rate - s[RATE + axis, k]) * c[7] - accel)
+    s[ACCEL + axis, k], s[RATE + axis, k] = accel, rate
+    torque, s[INTEGRAL + axis, k] = _law(
+        rate,
+        accel,
+        s[INTEGRAL + axis, k],
+        setpoint,
+        s[HEADROOM_UP + axis, k],
+        s[HEADROOM_DOWN + axis, k],
+        (
+            p[RATE_K + axis, k],
+            p[RATE_P + axis, k],
+            p[RATE_I + axis, k],
+            p[RATE_D + axis, k],
+            p[RATE_LIMIT_I + axis, k],
+        ),
+        dt,
+    )
+    return torque
 
 
 @njit(inline="always")
-def _note_headroom(row, axis, asked, given):
-    row[HEADROOM_UP + axis] = 0.0 if asked > given + _SLACK else 1.0
-    row[HEADROOM_DOWN + axis] = 0.0 if asked < given - _SLACK else 1.0
+def torques(s, k, setpoint, p, c, dt):
+    """Torque set-points (roll, pitch, yaw; -1..1) of the vehicle in column k of `s` (ND, L) for body rates (rad/s).
 
-
-@njit
-def rate_step(row, rate_x, rate_y, rate_z, thrust, params, c, dt):
-    """One run of the rate loop and mixer: motor commands (4-tuple, 0..1) for body rates (rad/s, FLU) and thrust (0..1).
-
-    Updates the filters and integrators in `row`; `c` comes from `filter_coefficients` for the same `dt`. A rate that is
-    NaN means "keep the present rate", as for PX4.
+    One run of the rate loop; updates its filters and integrators. `p` (NP, L): airframes; `c` comes from
+    `filter_coefficients` for the same airframe and `dt`. No branch, as in `dynamics.vehicle_step`.
     """
-    roll = _axis(row, 0, row[RATE] if math.isnan(rate_x) else rate_x, params, c, dt)
-    pitch = _axis(row, 1, row[RATE + 1] if math.isnan(rate_y) else rate_y, params, c, dt)
-    raw_yaw = _axis(row, 2, row[RATE + 2] if math.isnan(rate_z) else rate_z, params, c, dt)
-    row[TORQUE_YAW] += c[6] * (raw_yaw - row[TORQUE_YAW])
-    yaw = row[TORQUE_YAW]
-    u0, u1, u2, u3 = mix(roll, pitch, yaw, min(1.0, max(0.0, thrust)), params)
-    a, b = 0.25 / params[MIXER_ROLL_PITCH], 0.25 / params[MIXER_YAW]
-    _note_headroom(row, 0, roll, a * (-u0 + u1 + u2 - u3))
-    _note_headroom(row, 1, pitch, a * (-u0 + u1 - u2 + u3))
-    _note_headroom(row, 2, yaw, b * (-u0 - u1 + u2 + u3))
+    roll = _axis(s, k, 0, setpoint[0], p, c, dt)
+    pitch = _axis(s, k, 1, setpoint[1], p, c, dt)
+    raw_yaw = _axis(s, k, 2, setpoint[2], p, c, dt)
+    yaw = s[TORQUE_YAW, k]
+    yaw += c[6] * (raw_yaw - yaw)
+    s[TORQUE_YAW, k] = yaw
+    return roll, pitch, yaw
+
+
+@njit(forceinline=True)
+def _headroom(asked, given):
+    """(up, down): 0 where more, or less, of a torque was asked than the motors could give."""
+    return 0.0 if asked > given + _SLACK else 1.0, 0.0 if asked < given - _SLACK else 1.0
+
+
+@njit(inline="always")
+def allocate(s, k, torque, thrust, p):
+    """Motor commands (4-tuple, 0..1) within the motors' limits; notes which torques could not be had."""
+    roll, pitch, yaw = torque
+    a, b = p[MIXER_ROLL_PITCH, k], p[MIXER_YAW, k]
+    u0, u1, u2, u3 = mix(roll, pitch, yaw, thrust, a, b)
+    a, b = 0.25 / a, 0.25 / b
+    s[HEADROOM_UP, k], s[HEADROOM_DOWN, k] = _headroom(roll, a * (-u0 + u1 + u2 - u3))
+    s[HEADROOM_UP + 1, k], s[HEADROOM_DOWN + 1, k] = _headroom(pitch, a * (-u0 + u1 - u2 + u3))
+    s[HEADROOM_UP + 2, k], s[HEADROOM_DOWN + 2, k] = _headroom(yaw, b * (-u0 - u1 + u2 + u3))
     return u0, u1, u2, u3
+
+
+@njit(inline="always")
+def rate_step(s, k, setpoint, thrust, p, c, dt):
+    """One run of the rate loop and mixer for column k of `s` (ND, L): motor commands (4-tuple, 0..1).
+
+    `setpoint`: body rates (3-tuple, rad/s, FLU), NaN means "keep the present rate", as for PX4; `thrust` 0..1.
+    """
+    return allocate(s, k, torques(s, k, setpoint, p, c, dt), min(1.0, max(0.0, thrust)), p)
 
 
 @njit
@@ -132,9 +171,10 @@ def fly_normalised(row, rate_x, rate_y, rate_z, thrust, params, dt, substeps):
     """Advance a row in place by `dt` s under body rates (rad/s, FLU) and normalised thrust (0..1) held constant."""
     h = dt / substeps
     c, lag = filter_coefficients(params, h), motor_lag(params, h)
+    s, p = column(row), column(params)
     for _ in range(substeps):
-        u0, u1, u2, u3 = rate_step(row, rate_x, rate_y, rate_z, thrust, params, c, h)
-        vehicle_step(row, u0, u1, u2, u3, params, lag, h)
+        u = rate_step(s, 0, (rate_x, rate_y, rate_z), thrust, p, c, h)
+        vehicle_step(s, 0, u, p, lag, h)
 
 
 @njit

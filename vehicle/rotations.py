@@ -111,6 +111,15 @@ def from_rotation_vector(x, y, z):
     return math.cos(half), s * x, s * y, s * z
 
 
+@njit(inline="always")
+def from_small_rotation(x, y, z):
+    """`from_rotation_vector` for |v| < 0.2 rad, to 2e-15 and without a branch; nearly a unit quaternion beyond."""
+    squared = 0.25 * (x * x + y * y + z * z)
+    s = 0.5 * (1.0 + squared * (-1.0 / 6.0 + squared * (1.0 / 120.0 - squared / 5040.0)))
+    c = 1.0 + squared * (-0.5 + squared * (1.0 / 24.0 + squared * (-1.0 / 720.0 + squared / 40320.0)))
+    return c, s * x, s * y, s * z
+
+
 @njit
 def to_rotation_vector(q):
     """Rotation vector (3 floats, |v| <= pi rad) of a unit quaternion."""

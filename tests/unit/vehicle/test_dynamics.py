@@ -1,11 +1,9 @@
-"""The rigid body and its motors: known motions, conservation, convergence, saturation."""
+"""The rigid body and its motors: known motions, conservation, convergence."""
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from vehicle import airframe as af
 from vehicle import dynamics as d
@@ -13,7 +11,6 @@ from vehicle import rotations as rot
 
 PAPER = af.load_airframe("paper_quad").params_row()
 DT = 0.002
-torque = st.floats(-1.0, 1.0)
 
 
 def free_of_air(params=PAPER):
@@ -25,7 +22,7 @@ def free_of_air(params=PAPER):
 
 def run(row, motors, params, seconds, dt=DT):
     for _ in range(round(seconds / dt)):
-        d.vehicle_step(row, *motors, params, d.motor_lag(params, dt), dt)
+        d.vehicle_step(d.column(row), 0, motors, d.column(params), d.motor_lag(params, dt), dt)
     return row
 
 
@@ -89,35 +86,3 @@ def test_halving_the_step_changes_little():
         ends.append(run(row, (0.50, 0.52, 0.51, 0.49), PAPER, 0.5, dt)[d.P : d.Q + 4].copy())
     coarse, fine = abs(ends[0] - ends[1]).max(), abs(ends[1] - ends[2]).max()
     assert fine < 2e-3 and fine < 0.7 * coarse
-
-
-@given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-0.1, 0.1), st.floats(0.4, 0.6))
-def test_an_unsaturated_mix_gives_what_was_asked(roll, pitch, yaw, thrust):
-    u = np.array(d.mix(roll, pitch, yaw, thrust, PAPER))
-    a, b = PAPER[af.MIXER_ROLL_PITCH], PAPER[af.MIXER_YAW]
-    assert u.mean() == pytest.approx(thrust)
-    assert (-u[0] + u[1] + u[2] - u[3]) / (4 * a) == pytest.approx(roll, abs=1e-12)
-    assert (-u[0] + u[1] - u[2] + u[3]) / (4 * a) == pytest.approx(pitch, abs=1e-12)
-    assert (-u[0] - u[1] + u[2] + u[3]) / (4 * b) == pytest.approx(yaw, abs=1e-12)
-
-
-@given(torque, torque, torque, st.floats(0.0, 1.0))
-def test_a_saturated_mix_stays_in_range_and_never_adds_thrust(roll, pitch, yaw, thrust):
-    u = np.array(d.mix(roll, pitch, yaw, thrust, PAPER))
-    assert u.min() >= 0.0 and u.max() <= 1.0
-    # Motors that the last clip raises from below zero may add a little, as they do in PX4.
-    assert u.mean() <= thrust + 0.08
-
-
-def test_thrust_yields_to_roll_and_yaw_yields_to_roll():
-    full = np.array(d.mix(0.3, 0.0, 0.0, 1.0, PAPER))
-    a = PAPER[af.MIXER_ROLL_PITCH]
-    assert (-full[0] + full[1] + full[2] - full[3]) / (4 * a) == pytest.approx(0.3)
-    assert full.mean() < 0.85
-    both = np.array(d.mix(0.3, 0.0, 1.0, 0.3, PAPER))
-    assert (-both[0] + both[1] + both[2] - both[3]) / (4 * a) == pytest.approx(0.3)
-    assert 0.0 < (-both[0] - both[1] + both[2] + both[3]) / 4 < 0.5
-
-
-def test_without_thrust_there_is_no_torque():
-    assert d.mix(0.5, -0.5, 0.5, 0.0, PAPER) == pytest.approx((0.0,) * 4, abs=1e-12)

@@ -30,6 +30,10 @@ BARS = {
 }
 
 
+def run_loop(row, setpoint, thrust, dt=0.002):
+    rc.rate_step(d.column(row), 0, setpoint, thrust, d.column(PAPER), rc.filter_coefficients(PAPER, dt), dt)
+
+
 def recorded_steps():
     steps = defaultdict(list)
     with (DATA / "rate_steps.csv").open() as file:
@@ -132,13 +136,12 @@ def test_commands_divide_by_the_nominal_hover_thrust():
 
 def test_the_integrator_is_limited_and_does_not_wind_up_in_saturation():
     row = d.vehicle_row((0.0, 0.0, 100.0), motor=0.4)
-    c = rc.filter_coefficients(PAPER, 0.002)
     for _ in range(5000):  # the body never follows: nothing moves it
-        rc.rate_step(row, 1.0, 0.0, 0.0, 0.5, PAPER, c, 0.002)
+        run_loop(row, (1.0, 0.0, 0.0), 0.5)
     assert row[d.INTEGRAL] == pytest.approx(PAPER[af.RATE_LIMIT_I])
     row = d.vehicle_row((0.0, 0.0, 100.0), motor=0.0)
     for _ in range(5000):
-        rc.rate_step(row, 1.0, 0.0, 0.0, 0.0, PAPER, c, 0.002)  # no thrust, so no torque: saturated
+        run_loop(row, (1.0, 0.0, 0.0), 0.0)  # no thrust, so no torque: saturated
     assert row[d.INTEGRAL] < 0.01
 
 
@@ -156,8 +159,7 @@ def test_settled_filters_show_the_present_rate_at_once():
     row = d.vehicle_row()
     row[d.W : d.W + 3] = (1.0, -2.0, 0.5)
     rc.settle_filters(row, PAPER, 0.002)
-    c = rc.filter_coefficients(PAPER, 0.002)
-    rc.rate_step(row, 0.0, 0.0, 0.0, 0.4, PAPER, c, 0.002)
+    run_loop(row, (0.0, 0.0, 0.0), 0.4)
     assert row[d.RATE : d.RATE + 3] == pytest.approx([1.0, -2.0, 0.5])
     assert row[d.ACCEL : d.ACCEL + 3] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
     rc.reset_rate_control(row)

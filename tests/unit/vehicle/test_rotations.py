@@ -32,6 +32,11 @@ def test_rotate_agrees_with_the_matrix_and_rotate_back_undoes_it(q, x, y, z):
     assert rot.body_z(q) == pytest.approx(rot.rotate(q, 0.0, 0.0, 1.0), abs=1e-12)
 
 
+@given(st.tuples(*[st.floats(-0.115, 0.115)] * 3))
+def test_a_small_rotation_vector_needs_no_sine(v):
+    assert rot.from_small_rotation(*v) == pytest.approx(rot.from_rotation_vector(*v), abs=2e-15)
+
+
 @given(quaternion)
 def test_matrix_and_rotation_vector_round_trips(q):
     assert rot.angle_between(rot.from_matrix(rot.to_matrix(q)), q) < 1e-6
