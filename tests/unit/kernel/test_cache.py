@@ -60,6 +60,58 @@ def test_so_it_is_in_a_file_that_belongs_to_no_package_of_the_house(package):
     assert run("bench") == ["3.0", "0"]
 
 
+def test_processes_that_compile_at_the_same_time_leave_each_other_s_code_alone(package):
+    helper, _ = package
+    helper.write_text(HELPER.format(2.0))
+    sums = (
+        "import numpy as np; from vehicle.caller import caller;"
+        "print(np.sum(caller({0})), sum(caller.stats.cache_hits.values()))"
+    )
+    arguments = ["1.0", "1", "np.ones(3)", "np.ones((2, 2))", "1j"]
+    environment = {**os.environ, "PERCH_KERNEL_CACHE": str(helper.parents[1] / "cache"), "PYTHONPATH": ""}
+
+    def start(argument):
+        command = [sys.executable, "-c", sums.format(argument)]
+        return subprocess.Popen(command, cwd=helper.parents[1], env=environment, stdout=subprocess.PIPE, text=True)
+
+    expected = ["2.0", "2.0", "6.0", "8.0", "2j"]
+    for hits in ("0", "1"):
+        printed = [one.communicate()[0].split() for one in [start(argument) for argument in arguments]]
+        assert printed == [[total, hits] for total in expected]
+
+
+def test_no_two_processes_give_their_machine_code_the_same_symbols(package):
+    helper, _ = package
+    helper.write_text(HELPER.format(2.0))
+    names = set()
+    for place in ("one", "two"):
+        code = (
+            "from vehicle.caller import caller; caller(1.0);"
+            "print(caller.overloads[caller.signatures[0]].fndesc.unique_name)"
+        )
+        environment = {**os.environ, "PERCH_KERNEL_CACHE": str(helper.parents[1] / place), "PYTHONPATH": ""}
+        names.add(subprocess.check_output([sys.executable, "-c", code], cwd=helper.parents[1], env=environment))
+    assert len(names) == 2
+
+
+def test_a_cache_file_that_is_cut_short_is_compiled_anew(package):
+    helper, run = package
+    helper.write_text(HELPER.format(2.0))
+    run()
+    for file in (helper.parents[1] / "cache").glob("**/*.nbc"):
+        file.write_bytes(file.read_bytes()[:200])
+    assert run() == ["2.0", "0"]
+    assert run() == ["2.0", "1"]
+
+
+def test_what_was_imported_before_changes_nothing(package):
+    helper, run = package
+    helper.write_text(HELPER.format(2.0))
+    run()
+    (helper.parents[1] / "later.py").write_text("import kernel.random\nfrom vehicle.caller import caller\n")
+    assert run("later") == ["2.0", "1"]
+
+
 def test_kernels_run_without_the_compiler(package):
     helper, run = package
     helper.write_text(HELPER.format(2.0))
@@ -70,6 +122,6 @@ def test_cold_means_no_compiled_kernel(tmp_path, monkeypatch):
     monkeypatch.setattr("kernel.CACHE_DIR", tmp_path)
     assert cache_is_cold()
     (tmp_path / "abc").mkdir()
-    (tmp_path / "abc" / "f.nbi").write_bytes(b"")
+    (tmp_path / "abc" / "f.nbc").write_bytes(b"")
     assert not cache_is_cold()
     assert CACHE_DIR.is_absolute()
