@@ -19,10 +19,10 @@ LAWS = ("constant", "ou", "cosine", "steps")
  C_HEIGHT_LOW, C_HEIGHT_HIGH, C_AZIMUTH, C_TILT0, C_YAW0, C_V0_XY, C_V0_Z, C_RATE0_XY, C_RATE0_Z,
  C_MASS, C_INERTIA, C_TWR, C_CAMERA_TILT, C_DET_LOW, C_DET_HIGH, C_LATENCY_LOW, C_LATENCY_HIGH, C_NOISE_LOW,
  C_NOISE_HIGH, C_COMMAND_LOW, C_COMMAND_HIGH, C_WIND, C_ODOMETRY, C_VISION, C_AUGMENTATION, C_RHO, C_WARM,
- C_WARM_LOW, C_WARM_HIGH, C_STRIDE, C_FUTURE_STRIDE, C_LIMIT, C_SUBSTEPS, C_GAIN) = (
+ C_WARM_LOW, C_WARM_HIGH, C_STRIDE, C_FUTURE_STRIDE, C_LIMIT, C_SUBSTEPS, C_GAIN, C_SWINGS) = (
     0, 1, 2, 3, 4, 10, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37,
-    38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50)  # fmt: skip
-CONFIG_DIM = 51
+    38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51)  # fmt: skip
+CONFIG_DIM = 52
 
 Pair = tuple[float, float]
 
@@ -35,7 +35,8 @@ class EnvConfig:
     Randomization"). Beyond it, because the harness has them: `car_lag` (time constant of the car's answer, up to),
     `latency` from exposure to a filter update, `command_delay` from action to motors (s), `wind` (mean, up to), and
     `odometry_noise` (scale of 2 cm/s and 3 mrad one-sigma in what the policy knows of itself). `noise_scale` multiplies
-    the paper's visual noise. `families`, `laws`: odds of each of FAMILIES and LAWS.
+    the paper's visual noise. `families`, `laws`: odds of each of FAMILIES and LAWS;
+    `swings`: share of all episodes over steep boards whose speed swings as in Hard-I, whatever the other ranges say.
     `warm`: share of episodes in which the drone first hovers and watches for `warm_time` (as the harness does before it
     engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
     `augmentation` False and `rho` False are the paper's ablations (raw poses and their differences; rho fixed to 1).
@@ -54,6 +55,7 @@ class EnvConfig:
     inclination_deg: Pair = (0.0, 80.0)
     families: tuple[float, ...] = (0.6, 0.1, 0.1, 0.1, 0.05, 0.05)
     laws: tuple[float, ...] = (0.1, 0.5, 0.25, 0.15)
+    swings: float = 0.0
     car_lag: Pair = (0.0, 0.2)
     distance: Pair = (1.2, 3.5)
     height: Pair = (1.2, 2.0)
@@ -147,6 +149,7 @@ class EnvConfig:
                 self.limit,
                 self.substeps,
                 float(self.gain_slot),
+                self.swings,
             ],
             dtype=np.float64,
         )

@@ -43,13 +43,29 @@ from groundcar.trajectories import (
 )
 from kernel import njit
 from kernel.random import uniform
-from policies.env_config import C_CAR_LAG, C_FAMILY, C_INC_HIGH, C_INC_LOW, C_LAW, C_SPEED_HIGH, C_SPEED_LOW, TICK
+from policies.env_config import (
+    C_CAR_LAG,
+    C_FAMILY,
+    C_INC_HIGH,
+    C_INC_LOW,
+    C_LAW,
+    C_SPEED_HIGH,
+    C_SPEED_LOW,
+    C_SWINGS,
+    FAMILIES,
+    LAWS,
+    TICK,
+)
 
 BOARD_HEIGHT = 1.5  # m, paper
 MOTION_DIM = A + 8  # aux row of groundcar.motion, then the platform row at the end of the track
 _KINDS = (SPLINE, LINE, RACETRACK, FIGURE8, ARC, STATIC)
 _SPEED_KINDS = (CONSTANT, OU, COSINE, SCHEDULED)
 _FIGURE8_SPEED = 2.4  # m/s: at its tips 1.8 rad/s, the most the car turns
+# `swings`: Hard-I and more, as cars really drive it (asked 1.0 to 2.5 m/s every 3 s, they overshoot to 0.7-2.8).
+_SPLINE, _COSINE = FAMILIES.index("spline"), LAWS.index("cosine")
+_SLOW, _FAST, _SWING = (0.6, 1.2), (2.2, 2.9), (2.5, 4.0)  # m/s, m/s, s
+_STEEP = (math.radians(45.0), math.radians(75.0))
 
 
 @njit
@@ -102,9 +118,12 @@ def motion_draw(motion, config, rng):
     aux, platform = motion[:A], motion[A:]
     family = pick(config[C_FAMILY : C_FAMILY + 6], uniform(rng, 0.0, 1.0))
     law = pick(config[C_LAW : C_LAW + 4], uniform(rng, 0.0, 1.0))
-    kind = _KINDS[family]
     low, high = config[C_SPEED_LOW], config[C_SPEED_HIGH]
     speed = uniform(rng, low, high)
+    swings = config[C_SWINGS] > 0.0 and uniform(rng, 0.0, 1.0) < config[C_SWINGS]
+    if swings:
+        family, law, speed = _SPLINE, _COSINE, uniform(rng, *_FAST)
+    kind = _KINDS[family]
     if kind == FIGURE8 and low < high:
         speed = min(speed, max(low, _FIGURE8_SPEED))
     if kind == STATIC:
@@ -112,6 +131,8 @@ def motion_draw(motion, config, rng):
     aux[:] = 0.0
     _draw_path(aux[PATH_ROW : PATH_ROW + P], kind, speed, rng)
     _draw_speed(_SPEED_KINDS[law], aux[SPEED_ROW : SPEED_ROW + S], speed, low, high, rng)
+    if swings:
+        aux[SPEED_ROW + V], aux[SPEED_ROW + PERIOD] = uniform(rng, *_SLOW), uniform(rng, *_SWING)
     aux[PATH_KIND], aux[SPEED_KIND] = kind, _SPEED_KINDS[law]
     aux[CHANGE_TIME], aux[CHANGE_LENGTH] = math.inf, math.inf
     aux[ACCEL_LIMIT], aux[DAMPING] = math.inf, 1.0
@@ -125,7 +146,10 @@ def motion_draw(motion, config, rng):
         aux[DAMPING], aux[ACCEL_LIMIT] = uniform(rng, 0.5, 1.2), uniform(rng, 2.0, 5.0)
     u = uniform(rng, 0.0, 1.0) * path_lap(kind, aux[PATH_ROW : PATH_ROW + P])
     switch = aux[SPEED_ROW + SWITCH]
-    motion_reset(platform, aux, u, BOARD_HEIGHT, uniform(rng, config[C_INC_LOW], config[C_INC_HIGH]), True)
+    inclination = uniform(rng, config[C_INC_LOW], config[C_INC_HIGH])
+    if swings:
+        inclination = uniform(rng, *_STEEP)
+    motion_reset(platform, aux, u, BOARD_HEIGHT, inclination, True)
     if math.isinf(aux[CHANGE_TIME]):  # else the change of path decides when the speed changes
         aux[SPEED_ROW + SWITCH] = switch
     return speed, family, law

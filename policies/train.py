@@ -33,6 +33,7 @@ from policies.train_io import (
 )
 from policies.train_plot import learning_curve
 from policies.train_recipe import Recipe, load_recipe
+from policies.widen import widened
 
 CHECKPOINT, CURVE, PICTURE, LOG = "checkpoint.pt", "curve.csv", "curve.svg", "log.txt"
 SAVE_EVERY = 50.0  # s
@@ -65,7 +66,11 @@ def run(
     network = plan.network_config()
     actor, ancestor = (None, {}) if parent is None else load_actor(parent)
     if actor is not None and actor.config != network:
-        raise TrainingError(f"{parent} holds another network than recipe {plan.name} asks for: {actor.config}")
+        try:
+            actor = widened(actor, network)
+        except ValueError as error:
+            reason = f"{parent} holds another network than recipe {plan.name} asks for"
+            raise TrainingError(f"{reason}: {error}") from None
     base, start, total = int(ancestor.get("samples", 0)), 0, None
     if saved is not None:
         base, start, total = saved["before"], saved["phase"], saved["total"]

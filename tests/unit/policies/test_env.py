@@ -6,6 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from groundcar.motion import SPEED_ROW
+from groundcar.speed_laws import V2 as HIGHEST
+from groundcar.speed_laws import V as LOWEST
 from policies.belief import BoardFilter
 from policies.contact import NORMAL_ERROR, OUTCOME, REASON, REASONS, SUCCESS, TIME_LIMIT
 from policies.env import Env, Tally, fill_future
@@ -47,6 +50,17 @@ def test_start_is_the_paper_s_table():
     assert np.degrees(board[:, 6]).max() <= 80.0 and (board[:, 2] == 1.5).all()
     drawn = np.bincount(env.rows.state[:, S_FAMILY].astype(int), minlength=len(FAMILIES))
     assert (drawn > 0).all()
+
+
+@pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.25, 70, 130), (1.0, 400, 400)])
+def test_as_many_steep_boards_swing_as_are_asked_for(share, least, most):
+    env = Env(EnvConfig(swings=share, speed=(0.0, 0.5), inclination_deg=(0.0, 5.0), count=400, seed=3))
+    env.reset()
+    slow, fast = env.rows.motion[:, SPEED_ROW + LOWEST], env.rows.motion[:, SPEED_ROW + HIGHEST]
+    inclination = np.degrees(env.rows.track[:, 0, 6])
+    swing = (fast >= 2.2) & (fast <= 2.9) & (slow >= 0.6) & (slow <= 1.2) & (inclination >= 45) & (inclination <= 75)
+    assert least <= swing.sum() <= most
+    assert (fast[~swing] <= 0.5).all() and (inclination[~swing] <= 5.0).all()
 
 
 def test_equal_seeds_give_equal_numbers_whatever_happens_beside():

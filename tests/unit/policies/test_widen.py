@@ -1,0 +1,47 @@
+"""A widened actor computes what it did, and its copies are free to differ."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from policies.network import Actor, NetworkConfig
+from policies.observation import OBS_DIM
+from policies.widen import widened
+
+SMALL = NetworkConfig(channels=(4, 6, 8), width=16)
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        replace(SMALL, channels=(8, 12, 16), width=32),
+        replace(SMALL, channels=(12, 6, 16), width=16),
+        replace(SMALL, width=48),
+    ],
+)
+def test_a_wider_network_computes_the_same(wanted):
+    torch.manual_seed(1)
+    actor, observation = Actor(SMALL), torch.randn(64, OBS_DIM)
+    torch.nn.init.normal_(actor.head.weight)
+    wide = widened(actor, wanted)
+    assert wide.config == wanted
+    for before, after in zip(actor.with_foresight(observation), wide.with_foresight(observation), strict=True):
+        torch.testing.assert_close(after, before, atol=1e-5, rtol=1e-5)
+
+
+def test_copies_of_a_unit_learn_different_things():
+    torch.manual_seed(1)
+    wide = widened(Actor(SMALL), replace(SMALL, width=32))
+    wide(torch.randn(64, OBS_DIM)).square().sum().backward()
+    gradient = wide.trunk.second.weight.grad
+    assert gradient is not None
+    assert not torch.allclose(gradient[:16], gradient[16:])
+
+
+@pytest.mark.parametrize(
+    "wanted", [replace(SMALL, width=24), replace(SMALL, width=8), replace(SMALL, geometry=False, width=32)]
+)
+def test_what_is_no_multiple_is_refused(wanted):
+    with pytest.raises(ValueError, match="whole multiples"):
+        widened(Actor(SMALL), wanted)
