@@ -30,6 +30,7 @@ from vehicle.render_sensor import Sensor
 from vehicle.rotations import from_rotation_vector
 
 _MS = 1_000_000
+_DRAWN_AFTER_NS = 4 * _MS  # in real time: the search of the picture before has the cores for so long
 
 
 def mounted_cameras(slot: CameraSlot, frame: af.Airframe, drawn: Drawn) -> tuple[Camera, Camera]:
@@ -57,7 +58,7 @@ def camera_node(scenario: Scenario, slot: CameraSlot, frame: af.Airframe, drawn:
     if slot.source == "pictures":
         board = Board(size=scenario.board.size)
         renderer = Renderer(true, board, drawn.image_seed, Sensor(gain=slot.gain))
-        return CameraSim(renderer, rate, exposure_ns, transport_ns)
+        return CameraSim(renderer, rate, exposure_ns, transport_ns, _DRAWN_AFTER_NS if real_time else 0)
     noise = paper_noise() if slot.model_noise == "paper" else measured_noise()
     bias = np.zeros(BIAS_DIM)
     bias[:3] = drawn.vision_position_bias

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from policies.planner import (
     planner_reset,
     planner_step,
 )
+from policies.planner_params import STEEP
 from policies.planner_policy import planner_params
 from policies.prediction import HORIZON, STEP
 from policies.predictor import SCRATCH_DIM, load_predictor
@@ -49,8 +51,9 @@ FORESIGHT, BELIEF = "foresight", "belief"  # what a planner that teaches knows
 # A student follows less exactly than it is shown: a teacher who waits for an exact standoff would let it wait for ever,
 # one who takes the board to the picture's edge would let it lose the board.
 _READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_fov": math.radians(19.0)}
-# Its approach is never as cheap as the planner's own, and it turns up late: it leans 0.05 rad more than it is shown to.
-_BOLDLY = {"commit_cost": 4.0, "lean": 0.0}
+# Its approach is never as cheap as the planner's own, and it turns up late: it leans 0.05 rad more than it is shown to,
+# over steep boards whose speed swings 0.1.
+_BOLDLY = {"commit_cost": 4.0, "lean": 0.0, "steep": {**STEEP, "lean": -0.015}}
 
 # Slices of a work row.
 _BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
@@ -114,7 +117,7 @@ def plan_rows(rows, shared, fresh, source, states, memories, works, futures, scr
 class PlannerInEnv:
     """A planner as an `evaluate.Policy`; call it once a step. A new environment starts it anew."""
 
-    def __init__(self, source: int = LEARNED, **changes: float) -> None:
+    def __init__(self, source: int = LEARNED, **changes: Any) -> None:
         """`source` of the future; `changes` of PlannerParams. Raises what `predictor.load_predictor` raises."""
         self._source, self._changes = source, changes
         self._net = load_predictor() if source == LEARNED else np.zeros(0, dtype=np.float32)

@@ -73,11 +73,12 @@ class PlannerParams:
     gravity pulls along the slope: `overshoot_swing` (s^2) times its acceleration comes on top. At contact thrust leans
     up the slope from the normal by `lean` rad (on boards of 30 deg and more; less on flatter ones): that takes
     something off gravity's pull along the board, and with it off the skid of a contact too early or too late, for a
-    share of the tolerance in angle. `flatten` 0..1: on a flat board this share of the terminal jerk (and with it of the
-    last body rate) is taken away, from 60 deg on none. Less than `aim` s before contact a motion may end up to `miss` m
-    beside the centre. In the last `touch_from` s thrust is chosen for the contact that it leads to: speed into the
-    board `touch_speed` within `touch_band`, speed along it within `touch_skid`, no more than `touch_early` or
-    `touch_late` s off the plan; `touch_keep` weighs the change of thrust, which comes `touch_lag` s late.
+    share of the tolerance in angle (negative: down the slope). `flatten` 0..1: on a flat board this share of the
+    terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. Less than `aim` s before
+    contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s thrust is chosen for the
+    contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed along it within
+    `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the change of thrust,
+    which comes `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes
     without getting better. The board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A
@@ -198,7 +199,7 @@ class PlannerParams:
             )
         for names in (self._flat(), {**self._flat(), **self.steep}):
             for name, value in names.items():
-                if not math.isfinite(value) or (value < 0.0 and name != "overshoot"):
+                if not math.isfinite(value) or (value < 0.0 and name not in ("overshoot", "lean")):
                     raise ValueError(f"planner parameter {name} is {value}; give a finite number that is not negative")
             if not 0.0 < names["t_min"] < names["t_max"] or not 0.0 < names["f_min"] <= names["f_max"]:
                 raise ValueError("planner parameters need 0 < t_min < t_max and 0 < f_min <= f_max")

@@ -29,10 +29,16 @@ class CameraSim:
     outputs = ("camera/image",)
     wakes = ()
 
-    def __init__(self, renderer: Renderer, rate_hz: float, exposure_ns: int, transport_ns: int) -> None:
+    def __init__(
+        self, renderer: Renderer, rate_hz: float, exposure_ns: int, transport_ns: int, drawn_after_ns: int = 0
+    ) -> None:
+        """`drawn_after_ns`: how long after its exposure a picture is drawn, no longer than until it is delivered. At
+        usual rates a picture arrives when the next one is exposed: drawn at once, the next would keep cores from the
+        search of this one."""
         self.period_ns = round(1e9 / rate_hz)
         self._renderer = renderer
-        self._exposure_ns, self._transport_ns = exposure_ns, transport_ns
+        self._exposure_ns, self._delay_ns = exposure_ns, exposure_ns // 2 + transport_ns
+        self._drawn_after_ns = min(drawn_after_ns, self._delay_ns)
         self._sequence = 0
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
@@ -40,13 +46,14 @@ class CameraSim:
         stage: Stage | None = inbox.latest("run/stage")
         if vehicle is None or board is None or stage is None or stage.name == "prepare":
             return []
+        exposed_ns = now_ns - self._drawn_after_ns
         pixels = self._renderer.render(
-            motion_of(vehicle, now_ns), motion_of(board, now_ns), self._exposure_ns, self._sequence
+            motion_of(vehicle, exposed_ns), motion_of(board, exposed_ns), self._exposure_ns, self._sequence
         )
         height, width = pixels.shape
-        image = Image(now_ns, width, height, self._exposure_ns, pixels.tobytes(), self._sequence)
+        image = Image(exposed_ns, width, height, self._exposure_ns, pixels.tobytes(), self._sequence)
         self._sequence += 1
-        return [Out("camera/image", image, self._exposure_ns // 2 + self._transport_ns)]
+        return [Out("camera/image", image, self._delay_ns - self._drawn_after_ns)]
 
     def close(self) -> None:
         pass
