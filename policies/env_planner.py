@@ -53,7 +53,7 @@ FORESIGHT, BELIEF = "foresight", "belief"  # what a planner that teaches knows
 _READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_fov": math.radians(19.0)}
 # Its approach is never as cheap as the planner's own, and it turns up late: it leans 0.05 rad more than it is shown to,
 # over steep boards whose speed swings 0.1.
-_BOLDLY = {"commit_cost": 4.0, "lean": 0.0, "steep": {**STEEP, "lean": -0.015}}
+_BOLDLY = {"commit_cost": 4.0, "lean": 0.0, "steep": {**STEEP, "lean": -0.025}}
 
 # Slices of a work row.
 _BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
