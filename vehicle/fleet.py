@@ -3,7 +3,7 @@
 Eight rows are laid side by side, one a column, so that a loop over columns becomes vector instructions. For that the
 loop's body must hold no branch while it holds an array: Numba counts references to arrays, and those counts disappear
 from straight code alone before LLVM looks for vectors. Branches stand in functions of numbers. Motors' limits cost
-half of all and are left out where no vehicle of the eight meets them. Numbers are those of `fly`, bit for bit.
+two fifths of all and are left out where no vehicle of the eight meets them. Numbers are those of `fly`, bit for bit.
 """
 
 from __future__ import annotations
