@@ -16,6 +16,7 @@ from vehicle.render_pose import board_in_camera_at, face_from_pixel
 
 MAX_SAMPLES = 32
 _INSIDE = 1 << 16  # a face texel is its grey value plus this, so that one sum carries both brightness and coverage
+_SHIFT = 20  # of a division by the samples' count as a product: exact for sums of up to MAX_SAMPLES grey values
 
 
 def face_texture(bitmap: np.ndarray, black: float, white: float) -> np.ndarray:
@@ -104,6 +105,16 @@ def _accumulate(acc, index, first, last, a, ax, b, bx, s, sx, texture):
 
 
 @njit
+def _blend(row, acc, count, reciprocal):
+    """Mean of `count` samples a pixel, those beside the face showing what is in `row` (uint8) already; in place."""
+    # A pixel that no sample hit comes out as it was: without a branch this is vector code
+    half = count >> 1
+    for i in range(row.shape[0]):
+        behind = (count - (acc[i] >> 16)) * np.int32(row[i])
+        row[i] = np.uint8((((acc[i] & 0xFFFF) + behind + half) * reciprocal) >> _SHIFT)
+
+
+@njit
 def draw_face(image, vehicle, board, exposure, cam, half, texture, box, count):
     """Draw the face into `image` (height, width) uint8 inside `box`, averaging `count` samples a pixel."""
     modules = texture.shape[0] - 2
@@ -123,6 +134,7 @@ def draw_face(image, vehicle, board, exposure, cam, half, texture, box, count):
                 h[k, 2, j] = 0.0
     width = box[2] - box[0]
     acc, index = np.empty(width, np.int32), np.empty(width, np.int32)
+    reciprocal = np.int32((1 << _SHIFT) // count + 1)
     for v in range(box[1], box[3]):
         acc[:] = 0
         for k in range(count):
@@ -141,8 +153,4 @@ def draw_face(image, vehicle, board, exposure, cam, half, texture, box, count):
                     acc, index, math.ceil(lo), math.floor(hi) + 1, np.float32(a), np.float32(ax), np.float32(b),
                     np.float32(bx), np.float32(s), np.float32(sx), texture,
                 )  # fmt: skip
-        for i in range(width):
-            inside = acc[i] >> 16
-            if inside > 0:
-                background = (count - inside) * np.int32(image[v, box[0] + i])
-                image[v, box[0] + i] = np.uint8(((acc[i] & 0xFFFF) + background + count // 2) // count)
+        _blend(image[v, box[0] : box[2]], acc, np.int32(count), reciprocal)
