@@ -27,7 +27,9 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="go on where the run in --out was stopped or killed")
     ] = False,
-    parent: Annotated[Path | None, typer.Option(help="begin with the weights of this run (its folder)")] = None,
+    parent: Annotated[
+        Path | None, typer.Option(help="begin with the weights of this run (its folder) or of this .onnx file")
+    ] = None,
     device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N")] = "cpu",
 ) -> None:
     """Train a policy; leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder.

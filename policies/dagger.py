@@ -159,6 +159,11 @@ class Dagger:
     def _learn(self) -> float:
         c = self.config
         observation, label, weight, aux = self.replay.draw(c.batch, self.rng, self.device)
+        if self.actor.config.mirrored:
+            flipped = torch.from_numpy(self.rng.random(c.batch) < 0.5).to(self.device)[:, None]
+            observation = torch.where(flipped, observation * self.actor.observation_signs, observation)
+            label = torch.where(flipped, label * self.actor.action_signs, label)
+            aux = torch.where(flipped, aux * self.actor.future_signs, aux)
         mean, foretold = self.actor.with_foresight(observation)
         error = torch.nn.functional.smooth_l1_loss(mean, label, beta=c.huber, reduction="none").sum(1)
         loss = (error * weight).mean()

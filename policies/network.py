@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 import torch
 from torch import Tensor, nn
 
+from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
 from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_R, TAIL_V
 
 FUTURE = 15  # N of the paper
@@ -28,10 +29,15 @@ TAIL_SHIFT = (0.0,) * (TAIL_DIM - 1) + (1.0,)
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """Architecture and the paper's ablations. `temporal` False is PerchRL w/o TA: no TCN, no future for the critic."""
+    """Architecture and the paper's ablations. `temporal` False is PerchRL w/o TA: no TCN, no future for the critic.
+
+    `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
+    right and left are the same to it, and much of what one answer is wrong by the other is not.
+    """
 
     temporal: bool = True
     geometry: bool = True
+    mirrored: bool = False
     channels: tuple[int, int, int] = (24, 32, 48)
     width: int = 128
     log_std: float = -1.2
@@ -123,9 +129,16 @@ class Trunk(nn.Module):
 class Actor(nn.Module):
     """Observation (B, OBS_DIM) to the mean action (B, 4), in [-1, 1] after clipping; Gaussian with a free log-std."""
 
+    observation_signs: Tensor
+    action_signs: Tensor
+    future_signs: Tensor
+
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         self.config = config
+        self.register_buffer("observation_signs", torch.tensor(OBSERVATION_SIGNS), persistent=False)
+        self.register_buffer("action_signs", torch.tensor(ACTION_SIGNS), persistent=False)
+        self.register_buffer("future_signs", torch.tensor((1.0, -1.0) * len(FORESEEN)), persistent=False)
         self.trunk = Trunk(config, 0)
         self.head = nn.Linear(config.width, 4)
         self.foresight = nn.Linear(config.width, 2 * len(FORESEEN))
@@ -134,7 +147,10 @@ class Actor(nn.Module):
         nn.init.zeros_(self.head.bias)
 
     def forward(self, observation: Tensor) -> Tensor:
-        return self.head(self.trunk(observation))
+        seen = self.head(self.trunk(observation))
+        if not self.config.mirrored:
+            return seen
+        return 0.5 * (seen + self.action_signs * self.head(self.trunk(observation * self.observation_signs)))
 
     def with_foresight(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """The mean action, and where the board will be ((B, 2 * len(FORESEEN)), m): a training aid."""

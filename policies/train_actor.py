@@ -7,6 +7,7 @@ from pathlib import Path
 from policies.contract import CameraContract, Contract, ObservationContract, Provenance
 from policies.env_config import EnvConfig
 from policies.export import export
+from policies.import_onnx import import_actor
 from policies.network import Actor, NetworkConfig, normalisation
 from policies.train_io import TrainingError, commit_id, load_checkpoint, save_checkpoint
 from policies.train_recipe import Recipe
@@ -16,7 +17,9 @@ POLICY, ACTOR = "policy.onnx", "actor.pt"
 
 
 def load_actor(path: Path) -> tuple[Actor, dict]:
-    """An actor saved by a run (its file or the run's folder), and its provenance. Raises TrainingError."""
+    """The actor of a run (its folder or file) or of an exported policy, and its provenance. Raises TrainingError."""
+    if path.suffix == ".onnx":
+        return import_actor(path)
     path = path / ACTOR if path.is_dir() else path
     data = load_checkpoint(path)
     if not {"actor", "network", "provenance"} <= data.keys():

@@ -1,0 +1,71 @@
+"""The actor inside an exported policy, to train on from a file that flies where its torch weights are not at hand.
+
+What only training used is not in the file: the head that foretells the board, and the exploration noise, begin anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import onnx
+import torch
+from onnx import numpy_helper
+from torch import Tensor
+
+from policies.contract import ContractError, check_contract, open_policy
+from policies.export import TOLERANCE, compare
+from policies.network import Actor, FlightActor, NetworkConfig
+from policies.train_io import TrainingError
+
+_PREFIX = "actor."
+_TCN = tuple(f"trunk.tcn.{name}.weight" for name in ("first", "second"))
+
+
+def import_actor(path: Path) -> tuple[Actor, dict]:
+    """The actor of a policy exported by `export`, and where it comes from.
+
+    Raises TrainingError for a file that could not be flown, or that holds another network.
+    """
+    try:
+        _, contract = open_policy(path)
+        check_contract(contract)
+    except ContractError as error:
+        raise TrainingError(str(error)) from None
+    weights = _weights(onnx.load(path))
+    try:
+        config = _config(weights)
+        for mirrored in (False, True):
+            actor = Actor(replace(config, mirrored=mirrored))
+            actor.load_state_dict({**actor.state_dict(), **weights})
+            difference = compare(FlightActor(actor), path)
+            if difference <= 100.0 * TOLERANCE:
+                break
+    except (KeyError, RuntimeError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise TrainingError(f"{path} holds a network that this version does not know ({reason})") from None
+    if not difference <= 100.0 * TOLERANCE:
+        raise TrainingError(f"{path} holds another network than its weights tell: actions differ by {difference:.1g}")
+    return actor, {**contract.provenance.model_dump(), "name": contract.name, "stride": contract.observation.stride}
+
+
+def _weights(model: onnx.ModelProto) -> dict[str, Tensor]:
+    """Weights by the actor's own names.
+
+    The exporter keeps these, except of layers that act on more than two axes: their weights, transposed, are the
+    nameless inputs of its matrix products.
+    """
+    arrays = {each.name: torch.from_numpy(numpy_helper.to_array(each).copy()) for each in model.graph.initializer}
+    named = {name.removeprefix(_PREFIX): array for name, array in arrays.items() if name.startswith(_PREFIX)}
+    products = [node.input[1] for node in model.graph.node if node.op_type == "MatMul" and node.input[1] in arrays]
+    return named | {name: arrays[product].T.contiguous() for name, product in zip(_TCN, products, strict=False)}
+
+
+def _config(weights: dict[str, Tensor]) -> NetworkConfig:
+    """The sizes that the weights have. Raises KeyError if one is missing."""
+    width = len(weights["trunk.first.bias"])
+    temporal = "trunk.tcn.third.bias" in weights
+    if not temporal:
+        return NetworkConfig(temporal=False, width=width)
+    a, b, c = (len(weights[f"trunk.tcn.{name}.bias"]) for name in ("first", "second", "third"))
+    return NetworkConfig(channels=(a, b, c), width=width)
