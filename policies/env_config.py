@@ -19,10 +19,12 @@ LAWS = ("constant", "ou", "cosine", "steps")
  C_HEIGHT_LOW, C_HEIGHT_HIGH, C_AZIMUTH, C_TILT0, C_YAW0, C_V0_XY, C_V0_Z, C_RATE0_XY, C_RATE0_Z,
  C_MASS, C_INERTIA, C_TWR, C_CAMERA_TILT, C_DET_LOW, C_DET_HIGH, C_LATENCY_LOW, C_LATENCY_HIGH, C_NOISE_LOW,
  C_NOISE_HIGH, C_COMMAND_LOW, C_COMMAND_HIGH, C_WIND, C_ODOMETRY, C_VISION, C_AUGMENTATION, C_RHO, C_WARM,
- C_WARM_LOW, C_WARM_HIGH, C_STRIDE, C_FUTURE_STRIDE, C_LIMIT, C_SUBSTEPS, C_GAIN, C_SWINGS) = (
+ C_WARM_LOW, C_WARM_HIGH, C_STRIDE, C_FUTURE_STRIDE, C_LIMIT, C_SUBSTEPS, C_GAIN, C_SWINGS, C_FRONTIER,
+ C_NOISE_POWER) = (
     0, 1, 2, 3, 4, 10, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37,
-    38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51)  # fmt: skip
-CONFIG_DIM = 52
+    38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51,
+    52, 53)  # fmt: skip
+CONFIG_DIM = 54
 
 Pair = tuple[float, float]
 
@@ -35,8 +37,11 @@ class EnvConfig:
     Randomization"). Beyond it, because the harness has them: `car_lag` (time constant of the car's answer, up to),
     `latency` from exposure to a filter update, `command_delay` from action to motors (s), `wind` (mean, up to), and
     `odometry_noise` (scale of 2 cm/s and 3 mrad one-sigma in what the policy knows of itself). `noise_scale` multiplies
-    the paper's visual noise. `families`, `laws`: odds of each of FAMILIES and LAWS;
-    `swings`: share of all episodes over steep boards whose speed swings as in Hard-I, whatever the other ranges say.
+    the paper's visual noise; `noise_power` above 1 draws small scales more often (half below a quarter of the range at
+    2): our own detector's noise is a tenth of the paper's. `families`, `laws`: odds of each of FAMILIES and LAWS;
+    `swings`: share of all episodes over steep boards whose speed swings as in Hard-I, whatever the other ranges say;
+    `frontier`: share of the others over boards that are hard by their speed, flat at 2.4 to 3.2 m/s or steep at 1.2 to
+    2.5 m/s.
     `warm`: share of episodes in which the drone first hovers and watches for `warm_time` (as the harness does before it
     engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
     `augmentation` False and `rho` False are the paper's ablations (raw poses and their differences; rho fixed to 1).
@@ -56,6 +61,7 @@ class EnvConfig:
     families: tuple[float, ...] = (0.6, 0.1, 0.1, 0.1, 0.05, 0.05)
     laws: tuple[float, ...] = (0.1, 0.5, 0.25, 0.15)
     swings: float = 0.0
+    frontier: float = 0.0
     car_lag: Pair = (0.0, 0.2)
     distance: Pair = (1.2, 3.5)
     height: Pair = (1.2, 2.0)
@@ -73,6 +79,7 @@ class EnvConfig:
     detector_hz: Pair = (20.0, 60.0)
     latency: Pair = (0.02, 0.045)
     noise_scale: Pair = (0.3, 1.0)
+    noise_power: float = 1.0
     command_delay: Pair = (0.002, 0.014)
     wind: float = 0.0
     odometry_noise: float = 1.0
@@ -98,6 +105,8 @@ class EnvConfig:
             value = getattr(self, item.name)
             if item.name not in ("families", "laws") and isinstance(value, tuple) and not value[0] <= value[1]:
                 raise ValueError(f"environment range {item.name} is {value}; give (low, high) in order")
+        if self.noise_power <= 0.0:
+            raise ValueError(f"noise_power is {self.noise_power}; it must be positive")
         if self.command_delay[1] > 0.0199:
             raise ValueError(f"command_delay reaches {self.command_delay[1]} s; at most 0.0199 is modelled")
         if self.latency[1] > 0.1:
@@ -150,6 +159,8 @@ class EnvConfig:
                 self.substeps,
                 float(self.gain_slot),
                 self.swings,
+                self.frontier,
+                self.noise_power,
             ],
             dtype=np.float64,
         )

@@ -46,6 +46,7 @@ from kernel.random import uniform
 from policies.env_config import (
     C_CAR_LAG,
     C_FAMILY,
+    C_FRONTIER,
     C_INC_HIGH,
     C_INC_LOW,
     C_LAW,
@@ -66,6 +67,10 @@ _FIGURE8_SPEED = 2.4  # m/s: at its tips 1.8 rad/s, the most the car turns
 _SPLINE, _COSINE = FAMILIES.index("spline"), LAWS.index("cosine")
 _SLOW, _FAST, _SWING = (0.6, 1.2), (2.2, 2.9), (2.5, 4.0)  # m/s, m/s, s
 _STEEP = (math.radians(45.0), math.radians(75.0))
+# `frontier`: the boards that are hard by their speed, flat ones and steep ones.
+_FLAT_SHARE = 1.0 / 3.0
+_FLAT_SPEED, _FLAT_INCLINATION = (2.4, 3.2), (0.0, math.radians(20.0))
+_STEEP_SPEED, _STEEP_INCLINATION = (1.2, 2.5), (math.radians(62.0), math.radians(75.0))
 
 
 @njit
@@ -121,8 +126,12 @@ def motion_draw(motion, config, rng):
     low, high = config[C_SPEED_LOW], config[C_SPEED_HIGH]
     speed = uniform(rng, low, high)
     swings = config[C_SWINGS] > 0.0 and uniform(rng, 0.0, 1.0) < config[C_SWINGS]
+    frontier = not swings and config[C_FRONTIER] > 0.0 and uniform(rng, 0.0, 1.0) < config[C_FRONTIER]
+    flat = frontier and uniform(rng, 0.0, 1.0) < _FLAT_SHARE
     if swings:
         family, law, speed = _SPLINE, _COSINE, uniform(rng, *_FAST)
+    elif frontier:
+        speed = uniform(rng, *_FLAT_SPEED) if flat else uniform(rng, *_STEEP_SPEED)
     kind = _KINDS[family]
     if kind == FIGURE8 and low < high:
         speed = min(speed, max(low, _FIGURE8_SPEED))
@@ -149,6 +158,8 @@ def motion_draw(motion, config, rng):
     inclination = uniform(rng, config[C_INC_LOW], config[C_INC_HIGH])
     if swings:
         inclination = uniform(rng, *_STEEP)
+    elif frontier:
+        inclination = uniform(rng, *_FLAT_INCLINATION) if flat else uniform(rng, *_STEEP_INCLINATION)
     motion_reset(platform, aux, u, BOARD_HEIGHT, inclination, True)
     if math.isinf(aux[CHANGE_TIME]):  # else the change of path decides when the speed changes
         aux[SPEED_ROW + SWITCH] = switch

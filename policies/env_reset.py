@@ -24,6 +24,7 @@ from policies.env_config import (
     C_MASS,
     C_NOISE_HIGH,
     C_NOISE_LOW,
+    C_NOISE_POWER,
     C_ODOMETRY,
     C_RATE0_XY,
     C_RATE0_Z,
@@ -94,7 +95,8 @@ def _draw_vehicle(rows, i, shared):
     rows.camera[i, TILT] += uniform(rng, -c[C_CAMERA_TILT], c[C_CAMERA_TILT])
     state[S_PERIOD] = 1.0 / uniform(rng, c[C_DET_LOW], c[C_DET_HIGH])
     state[S_LATENCY] = uniform(rng, c[C_LATENCY_LOW], c[C_LATENCY_HIGH])
-    state[S_NOISE] = uniform(rng, c[C_NOISE_LOW], c[C_NOISE_HIGH])
+    share = uniform(rng, 0.0, 1.0) ** c[C_NOISE_POWER]
+    state[S_NOISE] = c[C_NOISE_LOW] + (c[C_NOISE_HIGH] - c[C_NOISE_LOW]) * share
     state[S_ODOMETRY] = c[C_ODOMETRY] * uniform(rng, 0.0, 1.0)
     draw_bias(shared.noise, state[S_NOISE], rng, state[S_BIAS : S_BIAS + 7])
     state[S_DELAY] = round(uniform(rng, c[C_COMMAND_LOW], c[C_COMMAND_HIGH]) / TICK * c[C_SUBSTEPS])

@@ -19,7 +19,9 @@ from policies.env_rows import (
     S_BEGIN,
     S_FAMILY,
     S_FILLED,
+    S_NOISE,
     S_PENDING,
+    S_SPEED,
     S_STEP,
     S_VISIBLE,
 )
@@ -61,6 +63,28 @@ def test_as_many_steep_boards_swing_as_are_asked_for(share, least, most):
     swing = (fast >= 2.2) & (fast <= 2.9) & (slow >= 0.6) & (slow <= 1.2) & (inclination >= 45) & (inclination <= 75)
     assert least <= swing.sum() <= most
     assert (fast[~swing] <= 0.5).all() and (inclination[~swing] <= 5.0).all()
+
+
+def test_as_many_boards_are_hard_by_their_speed_as_are_asked_for():
+    env = Env(EnvConfig(frontier=0.4, speed=(0.0, 0.5), inclination_deg=(40.0, 50.0), count=1000, seed=3))
+    env.reset()
+    speed, inclination = env.rows.state[:, S_SPEED], np.degrees(env.rows.track[:, 0, 6])
+    flat, steep = inclination <= 20.0, inclination >= 62.0
+    assert 90 <= flat.sum() <= 180 and 210 <= steep.sum() <= 330  # 133 and 267 are expected
+    moving = speed > 0.0  # what stands has no speed, wherever it was drawn
+    assert (speed[flat & moving] > 2.3).all() and (speed[steep & moving] >= 1.2).all()
+    assert (speed[~flat & ~steep] <= 0.5).all()
+
+
+@pytest.mark.parametrize(("power", "expected"), [(1.0, 0.55), (2.0, 0.4)])
+def test_small_noise_is_drawn_as_often_as_asked(power, expected):
+    env = Env(EnvConfig(stage="vision", noise_scale=(0.1, 1.0), noise_power=power, count=2000, seed=3))
+    env.reset()
+    noise = env.rows.state[:, S_NOISE]
+    assert noise.min() >= 0.1 and noise.max() <= 1.0
+    assert noise.mean() == pytest.approx(expected, abs=0.03)
+    with pytest.raises(ValueError, match="noise_power is 0"):
+        EnvConfig(noise_power=0.0)
 
 
 def test_equal_seeds_give_equal_numbers_whatever_happens_beside():
