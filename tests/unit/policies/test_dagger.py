@@ -14,25 +14,28 @@ ENV = EnvConfig(count=64, seed=21, odometry_noise=0.0, future_stride=10)
 SMALL = DaggerConfig(samples=64 * 8 * 12, horizon=8, replay=4096, batch=256, batches=4, teacher_fade=2000)
 
 
-def make(config=SMALL):
-    return Dagger(ENV, NetworkConfig(), config)
+def make(config=SMALL, **network):
+    return Dagger(ENV, NetworkConfig(**network), config)
 
 
-def test_learns_to_imitate():
-    run = make(DaggerConfig(samples=64 * 8 * 40, horizon=8, batch=512, batches=8, teacher_fade=100_000))
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_learns_to_imitate(mirrored):
+    config = DaggerConfig(samples=64 * 8 * 40, horizon=8, batch=512, batches=8, teacher_fade=100_000)
+    run = make(config, mirrored=mirrored)
     losses = []
     while not run.finished:
         losses.append(run.step()["loss"])
     assert np.mean(losses[-4:]) < 0.6 * np.mean(losses[:4])
 
 
-def test_resume_gives_the_same_curve():
-    whole, half = make(), make()
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_resume_gives_the_same_curve(mirrored):
+    whole, half = make(mirrored=mirrored), make(mirrored=mirrored)
     curve = [whole.step() for _ in range(6)]
     for _ in range(3):
         half.step()
     state = half.state()
-    rest = make()
+    rest = make(mirrored=mirrored)
     rest.step()  # a run that has already drawn other numbers
     rest.load(state)
     for expected in curve[3:]:

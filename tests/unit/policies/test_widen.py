@@ -30,6 +30,14 @@ def test_a_wider_network_computes_the_same(wanted):
         torch.testing.assert_close(after, before, atol=1e-5, rtol=1e-5)
 
 
+def test_a_network_may_begin_to_ask_about_the_mirror_image():
+    torch.manual_seed(1)
+    actor, observation = Actor(SMALL), torch.randn(8, OBS_DIM)
+    both = widened(actor, replace(SMALL, mirrored=True))
+    image = actor(observation * both.observation_signs) * both.action_signs
+    torch.testing.assert_close(both(observation), 0.5 * (actor(observation) + image))
+
+
 def test_copies_of_a_unit_learn_different_things():
     torch.manual_seed(1)
     wide = widened(Actor(SMALL), replace(SMALL, width=32))
