@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import multiprocessing
+import os
 import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -24,6 +25,7 @@ from hil.plan import Plan
 from hil.provenance import Code, ProvenanceError
 from hil.record import RecordingError
 from hil.runs import RunError, list_runs, policy_identity
+from hil.service_process import die_with_parent
 from scenarios.draw import MAX_SEED
 from scenarios.toml_errors import ConfigError
 
@@ -108,7 +110,8 @@ def fly_all(grid: Grid, jobs: Sequence[Job], processes: int, code: Code) -> Iter
         raise KeyboardInterrupt
 
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context, initializer=_begin)
+    count = min(processes, len(jobs))
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(os.getpid(),))
     before = signal.signal(signal.SIGINT, interrupt)
     try:
         waiting: list[Future[Result | None]] = [pool.submit(_fly, grid, job, code) for job in jobs]
@@ -126,7 +129,9 @@ def fly_all(grid: Grid, jobs: Sequence[Job], processes: int, code: Code) -> Iter
         signal.signal(signal.SIGINT, before)
 
 
-def _begin() -> None:
+def _begin(campaign: int) -> None:
+    if not die_with_parent(campaign):
+        os._exit(1)  # killed already: nobody waits for what would be flown here
     numba.set_num_threads(1)  # the processes are the threads
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but for a flight's duration
 

@@ -1,7 +1,8 @@
-"""One service's process: started, watched, ended, and asked why it is gone."""
+"""One service's process: started, watched, ended, and asked why it is gone; it does not outlive who started it."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+_PR_SET_PDEATHSIG = 1
 _GRACE_S, _SLICE_S = 2.0, 0.1
 PARENT = "PERCH_SUPERVISOR"  # environment: who started a service, which may be gone before the service can look
 _ENVIRONMENT = {
@@ -19,6 +21,15 @@ _ENVIRONMENT = {
     ),
     **dict.fromkeys(("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "MALLOC_TOP_PAD_"), "67108864"),
 }
+
+
+def die_with_parent(parent: int) -> bool:
+    """Be told (SIGTERM) when process `parent`, which started this one, is gone, however it went.
+
+    False: it is already.
+    """
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    return os.getppid() == parent
 
 
 class Process:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import os
 import signal
@@ -24,20 +23,12 @@ from hil.host.live_warm import warm_up
 from hil.host.live_wires import LiveWires
 from hil.receipts import ReceiptBook
 from hil.record import RecordingError
-from hil.service_process import PARENT
+from hil.service_process import PARENT, die_with_parent
 from hil.simulation import counters
 from hil.wires import WireError
 
 COULD_NOT_RUN = 3
-_PR_SET_PDEATHSIG = 1
 _PATIENCE_S = 40.0  # more than anybody takes to reach the safe state
-
-
-def die_with_parent() -> None:
-    """Be told (SIGTERM) when the process that started this one is gone, however it went; at once if it is already."""
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.environ.get(PARENT, str(os.getppid())) != str(os.getppid()):
-        sys.exit(COULD_NOT_RUN)
 
 
 def last_resort(patience_s: float = _PATIENCE_S) -> None:
@@ -96,7 +87,8 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
 
 def main() -> int:
     """Read the spec and serve."""
-    die_with_parent()
+    if not die_with_parent(int(os.environ.get(PARENT, os.getppid()))):
+        sys.exit(COULD_NOT_RUN)
     last_resort()
     service = sys.argv[2]
     try:

@@ -5,6 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
+from pathlib import Path
 
 from hil.runs import list_runs
 
@@ -50,6 +53,35 @@ def test_stopped_resumed_counted_and_compared(tmp_path):
     assert "Policies on the same seeds" in (out / "campaign.html").read_text()
     manifests = [run.manifest for run in list_runs(out) if run.manifest["state"] == "finished"]
     assert all(manifest["autopilot"]["not_default"] for manifest in manifests)
+
+
+def _living(group: int) -> list[str]:
+    """What still runs of a process group."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it has just gone
+            name, _, rest = path.read_text().rpartition(")")
+            state, _, its_group = rest.split()[:3]
+            if int(its_group) == group and state != "Z":
+                found.append(name)
+    return found
+
+
+def test_nobody_flies_on_when_it_is_killed(tmp_path):
+    command = [*PERCH_HIL, *ASKED, "--seeds", "0..19", "--out", str(tmp_path / "mine")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "seed 0" in line:
+            break
+    assert len(_living(process.pid)) >= 2
+    process.kill()
+    process.wait(timeout=30)
+    until = time.monotonic() + 20.0
+    while left := _living(process.pid):
+        assert time.monotonic() < until, left
+        time.sleep(0.1)
+    process.stderr.close()
 
 
 def test_usage(tmp_path):

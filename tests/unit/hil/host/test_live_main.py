@@ -47,8 +47,9 @@ def test_a_hanging_service_ends_itself_when_its_supervisor_is_gone():
 
 def test_a_service_whose_supervisor_was_gone_before_it_could_look_ends_at_once(tmp_path):
     """Its parent is then somebody else, who never changes."""
-    code = "from hil.host.live_main import die_with_parent; die_with_parent(); print('lives')"
-    for parent, said, ended in ((str(os.getpid()), "lives\n", 0), ("1", "", 3)):
+    code = "import sys; from hil.host import live_main; live_main.LiveSpec.read = lambda _: sys.exit('lives'); "
+    code += "sys.argv[1:] = ['spec', 'camera']; sys.exit(live_main.main())"
+    for parent, said, ended in ((str(os.getpid()), "lives\n", 1), ("1", "", 3)):
         child = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
@@ -56,4 +57,4 @@ def test_a_service_whose_supervisor_was_gone_before_it_could_look_ends_at_once(t
             env={**os.environ, STARTED_BY: parent},
             timeout=120,
         )
-        assert (child.stdout, child.returncode) == (said, ended)
+        assert (child.stderr, child.returncode) == (said, ended)
