@@ -26,7 +26,7 @@ _TCN = tuple(f"trunk.tcn.{name}.weight" for name in ("first", "second"))
 def import_actor(path: Path) -> tuple[Actor, dict]:
     """The actor of a policy exported by `export`, and where it comes from.
 
-    Raises TrainingError for a file that could not be flown, or that holds another network.
+    Raises TrainingError for a file that could not be flown, or that holds another network (one without `geometry` too).
     """
     try:
         _, contract = open_policy(path)

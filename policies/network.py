@@ -32,7 +32,7 @@ class NetworkConfig:
     """Architecture and the paper's ablations. `temporal` False is PerchRL w/o TA: no TCN, no future for the critic.
 
     `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
-    right and left are the same to it, and much of what one answer is wrong by the other is not.
+    right and left are the same to it.
     """
 
     temporal: bool = True
