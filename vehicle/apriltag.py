@@ -38,8 +38,9 @@ class DetectorSettings:
     max_rms_single: float = 0.6  # px; four corners fit almost anything, so a lone tag must fit well
     ambiguity_rms: float = 1.0  # px, mirrored poses whose rms differ by less are both possible: ask the prior
     clear_rms: float = 0.2  # px, the same where neither prior nor horizon can tell
-    # So many misses in a row and the prior is not believed for one picture, then again
-    misses_until_lost: int = 3
+    # So many misses in a row and the prior is not believed for one picture, then again: a search of the whole picture
+    # takes 7 to 14 ms, and a board that the prior knows to be out of sight for a while is missed often
+    misses_until_lost: int = 7
     doubt_px: float = 4.0  # by so much the search around the prior grows with every miss
     # After so many misses in a row only one picture in `seldom` is searched where nothing tells where to look: all of
     # them took 59 % of a core while the board was out of sight
@@ -129,17 +130,20 @@ class BoardDetector:
         return result
 
     def _regions(self, prior: tuple | None) -> list[Region]:
-        """Where to look, in turn. With every miss farther around the prior, as long as that costs less than to look
-        everywhere; one picture in a few is searched as if nothing were known. Empty: not at all."""
+        """Where to look, in turn; empty: not at all, as where the board is expected out of the picture.
+
+        With every miss farther around the prior, as long as that costs less than to look everywhere; one picture in a
+        few is searched as if nothing were known.
+        """
         s, whole = self.settings, Region(0, 0, self.camera.width, self.camera.height, 3.0)
-        if prior is not None and self._misses % (s.misses_until_lost + 1) < s.misses_until_lost:
-            R, p = prior
-            regions = predicted_region(self.camera, self.board, R, p, s.doubt_px * self._misses)
-            if self._misses >= s.misses_until_lost:
-                regions = [region for region in regions[:1] if region.work_px < whole.work_px]
-            if regions:
+        believed = self._misses % (s.misses_until_lost + 1) < s.misses_until_lost
+        if prior is not None and believed:
+            regions = predicted_region(self.camera, self.board, *prior, s.doubt_px * self._misses)
+            if self._misses < s.misses_until_lost or not regions:
                 return regions
-        if self._misses >= s.seldom_after and self._misses % s.seldom > 0:
+            if regions[0].work_px < whole.work_px:
+                return regions[:1]
+        if self._misses >= s.seldom_after and self._misses % s.seldom > 0 and (prior is None or believed):
             return []
         # Mostly the cheap search, now and then the one that sees farther
         self._searches += 1

@@ -36,12 +36,13 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray,
     """Regions to search in turn until one shows a tag; empty if the expected pose is not in the picture.
 
     `doubt_px`: how far from there the board may be, beyond what a pose foretold from the last picture is wrong by.
-    While the largest tag is wholly in the picture it alone decides the decimation; nearer, the smaller ones do.
+    While the largest tag is wholly in the picture it alone decides the decimation; nearer, the smaller ones do, and
+    where they are is looked first: the board fills the picture then, when there is least time.
     """
     size = np.array([camera.width, camera.height], np.float64)
     sides: list[tuple[float, float]] = []
     whole_large = False
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    box, small_box = [np.full(2, np.inf), np.full(2, -np.inf)], [np.full(2, np.inf), np.full(2, -np.inf)]
     largest = max(tag.width for tag in board.tags)
     for tag in board.tags:
         points = tag.corners() @ R.T + p
@@ -52,23 +53,30 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray,
             continue
         whole = bool((pixels > 6).all() and (pixels < size - 7).all())
         shortest = float(np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1).min())
-        low, high = np.minimum(low, pixels.min(axis=0)), np.maximum(high, pixels.max(axis=0))
+        for each in (box,) if tag.width == largest else (box, small_box):
+            each[0], each[1] = np.minimum(each[0], pixels.min(axis=0)), np.maximum(each[1], pixels.max(axis=0))
         if tag.width == largest:
             whole_large = whole
             if whole:
                 sides.append((shortest, _LARGE_SIDE))
         elif not whole_large:
             sides.append((shortest, _SMALL_SIDE))
+    coarse = max((side / needed for side, needed in sides), default=1.0)
+    decimate = float(np.clip(int(coarse), 1, 4))
+    regions = []
+    if not whole_large:
+        regions.append(_around(*small_box, size, doubt_px, decimate))
+    regions.append(_around(*box, size, doubt_px, decimate))
+    if decimate > 1.0:
+        regions.append(_around(*box, size, doubt_px, 2.0 if decimate > 2.0 else 1.0))
+    return [region for region in regions if region is not None]
+
+
+def _around(low: np.ndarray, high: np.ndarray, size: np.ndarray, doubt_px: float, decimate: float) -> Region | None:
+    """The region around a box of pixels; None where too little of it is in the picture."""
     if not np.isfinite(low).all():
-        return []
+        return None
     slack = _SLACK_PX + _SLACK * float((high - low).max()) + doubt_px
     u0, v0 = (int(x) for x in np.maximum(low - slack, 0))
     u1, v1 = (int(x) for x in np.minimum(high + slack + 1, size))
-    if u1 - u0 < 32 or v1 - v0 < 32:
-        return []
-    coarse = max((side / needed for side, needed in sides), default=1.0)
-    decimate = float(np.clip(int(coarse), 1, 4))
-    first = Region(u0, v0, u1, v1, decimate)
-    if decimate == 1.0:
-        return [first]
-    return [first, Region(u0, v0, u1, v1, 2.0 if decimate > 2.0 else 1.0)]
+    return None if u1 - u0 < 32 or v1 - v0 < 32 else Region(u0, v0, u1, v1, decimate)

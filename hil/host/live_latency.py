@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 BIN_MS = 5.0
+_PAUSE_NS = 50_000_000  # since the last action: the next one waited for something else than a picture
 
 
 class Latency(NamedTuple):
@@ -18,15 +19,21 @@ class Latency(NamedTuple):
 
 def latencies(messages: Iterable[tuple[int, str, Any]]) -> list[Latency]:
     """Of every picture that moved an action. `messages`: (log_ns, topic, message) in the order of time; others than
-    policy/action and board/detection are passed over."""
-    newest, found = 0, []
+    policy/action and board/detection are passed over.
+
+    The first action, and the first after a pause, does not count: it waited to be handed the vehicle.
+    """
+    newest, found, acted_ns = 0, [], -_PAUSE_NS
     detected: dict[int, int] = {}  # exposure -> publication
     for log_ns, topic, message in messages:
         if topic == "board/detection":
             detected[message.stamp_ns] = log_ns
-        elif topic == "policy/action" and message.exposure_ns > newest:
-            newest = message.exposure_ns
-            found.append(Latency(detected.get(newest, newest) - newest, log_ns - newest))
+        elif topic == "policy/action":
+            if message.exposure_ns > newest:
+                newest = message.exposure_ns
+                if log_ns - acted_ns < _PAUSE_NS:
+                    found.append(Latency(detected.get(newest, newest) - newest, log_ns - newest))
+            acted_ns = log_ns
     return found
 
 

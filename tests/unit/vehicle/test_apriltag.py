@@ -67,13 +67,13 @@ def test_search_region_is_smaller_with_a_prior_and_holds_the_board():
     assert predicted_region(CAMERA, BOARD, R, p + np.array([9.0, 0.0, 0.0])) == []
 
 
-def test_a_wrong_prior_is_given_up_after_three_misses():
+def test_a_wrong_prior_is_given_up_after_seven_misses():
     vehicle, board = view(2.0)
     R, p, up = board_in_camera(vehicle, board)
     picture, d = RENDERER.render(vehicle, board, 0, 0), detector()
     wrong = (R, p + np.array([1.0, 0.0, 0.0]))
-    assert [d.detect(picture, wrong, up).found for _ in range(4)] == [False, False, False, True]
-    assert d.outcomes == {"no tag": 3, "found": 1}
+    assert [d.detect(picture, wrong, up).found for _ in range(8)] == [False] * 7 + [True]
+    assert d.outcomes == {"no tag": 7, "found": 1}
 
 
 def test_the_search_around_a_prior_grows_with_every_miss_and_never_costs_more_than_to_look_everywhere():
@@ -83,12 +83,34 @@ def test_the_search_around_a_prior_grows_with_every_miss_and_never_costs_more_th
     picture, d = RENDERER.render(vehicle, board, 0, 0), detector()
     empty = np.full_like(picture, 128)
     tried = [d.detect(empty, aside, up) for _ in range(34)]
-    widths = [one.region[2] - one.region[0] for k, one in enumerate(tried) if k % 4 != 3]
+    widths = [one.region[2] - one.region[0] for k, one in enumerate(tried) if k % 8 != 7]
     assert widths == sorted(widths)
     assert widths[-1] > 2 * widths[0]
-    assert all(one.region == (0, 0, CAMERA.width, CAMERA.height) for one in tried[3::4] if one.reason == "no tag")
-    assert max(one.work_px for k, one in enumerate(tried) if k % 4 != 3) < CAMERA.width * CAMERA.height / 9.0
+    assert all(one.region == (0, 0, CAMERA.width, CAMERA.height) for one in tried[7::8])
+    assert max(one.work_px for k, one in enumerate(tried) if k % 8 != 7) < CAMERA.width * CAMERA.height / 9.0
     assert d.detect(picture, aside, up).found
+
+
+def test_a_board_expected_out_of_the_picture_is_looked_for_in_one_picture_of_eight():
+    vehicle, board = view(2.0)
+    R, p, up = board_in_camera(vehicle, board)
+    outside = (R, p + np.array([9.0, 0.0, 0.0]))
+    picture, d = RENDERER.render(vehicle, board, 0, 0), detector()
+    empty = np.full_like(picture, 128)
+    assert [d.detect(empty, outside, up).reason for _ in range(32)] == (["not searched"] * 7 + ["no tag"]) * 4
+    assert any(d.detect(picture, outside, up).found for _ in range(8))
+
+
+def test_near_the_board_where_the_small_tags_are_is_looked_first():
+    vehicle, board = view(0.33)
+    R, p, _ = board_in_camera(vehicle, board)
+    near, wide = predicted_region(CAMERA, BOARD, R, p)[:2]
+    assert near.work_px < 0.7 * wide.work_px
+    for tag in (one for one in BOARD.tags if one.width < max(each.width for each in BOARD.tags)):
+        corners = pixels(tag.corners(), R, p)
+        assert near.u0 < corners[:, 0].min() < corners[:, 0].max() < near.u1
+        assert near.v0 < corners[:, 1].min() < corners[:, 1].max() < near.v1
+    assert near.decimate == wide.decimate
 
 
 def test_a_board_long_out_of_sight_is_looked_for_in_one_picture_of_three_and_found_by_the_third():

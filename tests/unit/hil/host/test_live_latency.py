@@ -21,14 +21,20 @@ def detection(at_ms, exposure_ms):
 
 def test_the_first_action_behind_each_picture_counts():
     found = latencies([
-        detection(22, 0 + 1), action(25, 1), action(35, 1), (36 * MS, "run/stage", None),
+        action(15, 0), detection(22, 0 + 1), action(25, 1), action(35, 1), (36 * MS, "run/stage", None),
         detection(40, 18), action(45, 18), action(55, 18),
     ])  # fmt: skip
     assert found == [Latency(21 * MS, 24 * MS), Latency(22 * MS, 27 * MS)]
 
 
 def test_an_action_without_a_picture_is_no_latency():
-    assert latencies([action(25, 0)]) == []
+    assert latencies([action(15, 0), action(25, 0)]) == []
+
+
+def test_the_first_action_and_the_first_after_a_pause_waited_for_something_else():
+    assert latencies([detection(22, 1), action(30, 1)]) == []
+    found = latencies([action(15, 0), action(25, 1), detection(88, 68), action(97, 68), action(107, 84)])
+    assert found == [Latency(0, 24 * MS), Latency(0, 23 * MS)]
 
 
 def test_the_parts_add_up():
