@@ -28,6 +28,8 @@ _SCALARS = {
     bytes: _Field.TYPE_BYTES,
 }
 _PACKAGE = "perch"
+_LENGTH_DELIMITED = 2  # protobuf's wire type of bytes
+_LARGE = 4096  # bytes from which a field is put between the others by hand: protobuf takes 1.4 ms for a picture
 
 
 class CodecError(ValueError):
@@ -52,6 +54,7 @@ class Codec(Generic[Message]):
         hints = typing.get_type_hints(message)
         self._lengths = [(i, n) for i, name in enumerate(self._names) if (n := _length(hints[name])) is not None]
         self._repeated = [i for i, name in enumerate(self._names) if _is_tuple(hints[name])]
+        self._blob = next((i for i, name in enumerate(self._names) if hints[name] is bytes), None)
         self._absent = {i: (0.0 if _element(hints[self._names[i]]) is float else 0,) * n for i, n in self._lengths}
 
     def encode(self, message: Message) -> bytes:
@@ -61,9 +64,18 @@ class Codec(Generic[Message]):
             if len(values[index]) != length:
                 raise CodecError(f"{self.name}.{self._names[index]}: {length} numbers expected, got {values[index]!r}")
         try:
-            return self._proto(**dict(zip(self._names, values, strict=True))).SerializeToString()
+            blob = self._blob
+            if blob is not None and isinstance(values[blob], bytes) and len(values[blob]) >= _LARGE:
+                key = _varint((blob + 1) << 3 | _LENGTH_DELIMITED) + _varint(len(values[blob]))
+                head, tail = self._serialise(values, 0, blob), self._serialise(values, blob + 1, len(values))
+                return b"".join((head, key, values[blob], tail))
+            return self._serialise(values, 0, len(values))
         except (TypeError, ValueError, AttributeError):
             raise CodecError(self._find_fault(values)) from None
+
+    def _serialise(self, values: tuple[Any, ...], first: int, end: int) -> bytes:
+        """Fields `first` to `end` (exclusive)."""
+        return self._proto(**dict(zip(self._names[first:end], values[first:end], strict=True))).SerializeToString()
 
     def decode(self, data: bytes) -> Message:
         """Bytes as a message; a field the writer did not know is zero. Raises CodecError if they are none."""
@@ -88,6 +100,15 @@ class Codec(Generic[Message]):
             except (TypeError, ValueError, AttributeError) as error:
                 return f"{self.name}.{name}: cannot be written as {value!r}: {error}"
         return f"{self.name}: cannot be written"
+
+
+def _varint(number: int) -> bytes:
+    """A number as protobuf writes it: seven bits a byte, the lowest first."""
+    out = bytearray()
+    while number > 0x7F:
+        out.append(number & 0x7F | 0x80)
+        number >>= 7
+    return bytes([*out, number])
 
 
 @cache

@@ -142,3 +142,16 @@ def test_a_type_without_wire_form_is_refused_at_once():
 
     with pytest.raises(TypeError, match=r"Bad\.where"):
         Codec(Bad)
+
+
+@pytest.mark.parametrize("size", [0, 4095, 4096, 921_600])
+def test_a_large_field_is_written_as_protobuf_writes_it(size):
+    image = messages.Image(5, 1280, 720, 2_000_000, bytes(range(256)) * (size // 256) + bytes(size % 256), 300)
+    by_protobuf = codec(messages.Image)._proto(**dataclasses.asdict(image)).SerializeToString()
+    assert encode(image) == by_protobuf
+    assert decode(messages.Image, encode(image)) == image
+
+
+def test_a_large_field_beside_a_wrong_one_names_the_wrong_one():
+    with pytest.raises(CodecError, match="sequence"):
+        encode(messages.Image(5, 1280, 720, 2_000_000, bytes(5000), "three"))
