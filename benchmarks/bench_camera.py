@@ -109,7 +109,7 @@ def speed() -> None:
             image = renderer.render(truth.vehicle, truth.board, EXPOSURE_NS, k)
             made.append((time.thread_time() - start) * 1e3)
             prior = disturbed(truth, rng) if distance > 0.4 else (truth.R, truth.p)
-            detector._misses = 0
+            detector.search.misses = 0
             start = time.thread_time()
             result = detector.detect(image, prior, truth.up)
             read.append((time.thread_time() - start) * 1e3)
@@ -132,14 +132,14 @@ def grid(count: int = 6) -> None:
             for k in range(count):
                 truth = look_at(distance, math.radians(incidence), rng, 0.3 if distance > 0.6 else 0.05)
                 image = renderer.render(truth.vehicle, truth.board, EXPOSURE_NS, k)
-                detector._misses = 0
+                detector.search.misses = 0
                 result = detector.detect(
                     image, disturbed(truth, rng) if distance > 0.4 else (truth.R, truth.p), truth.up
                 )
                 if result.found:
                     rows.append(errors(result, truth))
                     sigmas.append((result.lateral_sigma, result.depth_sigma, result.orientation_sigma))
-                detector._searches = 2
+                detector.search.searches = 2
                 lost += detector.detect(image, None, truth.up).found
             e = [rms([r[i] for r in rows]) for i in range(4)]
             s = np.mean(sigmas, axis=0) if sigmas else [math.nan] * 3
@@ -269,7 +269,7 @@ def random_views(count: int, seed: int, moving: bool, spread: float = 0.9):
             truth.vehicle[3:6] = rng.normal(0.0, 1.2, 3)
             truth.vehicle[10:13] = rng.normal(0.0, 0.9, 3)
         image = renderer.render(truth.vehicle, truth.board, EXPOSURE_NS, k)
-        detector._misses = 0
+        detector.search.misses = 0
         near = (truth.R, truth.p) if distance < 0.4 else disturbed(truth, rng)
         yield truth, detector.detect(image, near, truth.up)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from vehicle.apriltag_library import Tag, TagDetector
 from vehicle.apriltag_pose import PoseFit, fit_poses
-from vehicle.apriltag_region import Region, predicted_region
+from vehicle.apriltag_region import Region
+from vehicle.apriltag_search import BoardSearch, SearchSettings
 from vehicle.board import TAG_MODULES, Board
 from vehicle.camera import Camera, camera_frame
 from vehicle.rotations import from_matrix
@@ -38,14 +39,7 @@ class DetectorSettings:
     max_rms_single: float = 0.6  # px; four corners fit almost anything, so a lone tag must fit well
     ambiguity_rms: float = 1.0  # px, mirrored poses whose rms differ by less are both possible: ask the prior
     clear_rms: float = 0.2  # px, the same where neither prior nor horizon can tell
-    # So many misses in a row and the prior is not believed for one picture, then again: a search of the whole picture
-    # takes 7 to 14 ms, and a board that the prior knows to be out of sight for a while is missed often
-    misses_until_lost: int = 7
-    doubt_px: float = 4.0  # by so much the search around the prior grows with every miss
-    # After so many misses in a row only one picture in `seldom` is searched where nothing tells where to look: all of
-    # them took 59 % of a core while the board was out of sight
-    seldom_after: int = 12
-    seldom: int = 3
+    search: SearchSettings = field(default_factory=SearchSettings)
 
 
 @dataclass(frozen=True)
@@ -85,14 +79,13 @@ _NOT_SEARCHED = BoardPose(
 
 
 class BoardDetector:
-    """Finds one board in the pictures of one camera; keeps count of misses so that it knows when it has lost it."""
+    """Finds one board in the pictures of one camera."""
 
     def __init__(self, camera: Camera, board: Board, settings: DetectorSettings | None = None) -> None:
         self.camera, self.board, self.settings = camera, board, settings or DetectorSettings()
         self._tags = TagDetector(self.settings.decode_sharpening)
         self._matrix = camera.matrix
-        self._misses = 0
-        self._searches = 0
+        self.search = BoardSearch(camera, board, self.settings.search)
         self.outcomes: Counter[str] = Counter()  # pictures by reason ("found" if found), and rejected priors
 
     def detect(
@@ -114,13 +107,13 @@ class BoardDetector:
         if up is not None and not np.isfinite(up).all():
             up = None
         result = self._search(image, prior, up)
-        self._misses = 0 if result.found else self._misses + 1
+        self.search.note(result.found)
         self.outcomes[result.reason or "found"] += 1
         return result
 
     def _search(self, image: np.ndarray, prior: tuple | None, up: np.ndarray | None) -> BoardPose:
         work, result = 0.0, _NOT_SEARCHED
-        for region in self._regions(prior):
+        for region in self.search.regions(prior):
             part = image[region.v0 : region.v1, region.u0 : region.u1]
             work += region.work_px
             tags = self._tags.detect(part, region.decimate, self._least_contrast(part))
@@ -128,26 +121,6 @@ class BoardDetector:
             if result.found or result.ids:
                 break
         return result
-
-    def _regions(self, prior: tuple | None) -> list[Region]:
-        """Where to look, in turn; empty: not at all, as where the board is expected out of the picture.
-
-        With every miss farther around the prior, as long as that costs less than to look everywhere; one picture in a
-        few is searched as if nothing were known.
-        """
-        s, whole = self.settings, Region(0, 0, self.camera.width, self.camera.height, 3.0)
-        believed = self._misses % (s.misses_until_lost + 1) < s.misses_until_lost
-        if prior is not None and believed:
-            regions = predicted_region(self.camera, self.board, *prior, s.doubt_px * self._misses)
-            if self._misses < s.misses_until_lost or not regions:
-                return regions
-            if regions[0].work_px < whole.work_px:
-                return regions[:1]
-        if self._misses >= s.seldom_after and self._misses % s.seldom > 0 and (prior is None or believed):
-            return []
-        # Mostly the cheap search, now and then the one that sees farther
-        self._searches += 1
-        return [replace(whole, decimate=2.0) if self._searches % 4 == 0 else whole]
 
     def _least_contrast(self, part: np.ndarray) -> int:
         thin = np.sort(part[::8, ::8], axis=None)

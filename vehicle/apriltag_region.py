@@ -42,7 +42,8 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray,
     size = np.array([camera.width, camera.height], np.float64)
     sides: list[tuple[float, float]] = []
     whole_large = False
-    box, small_box = [np.full(2, np.inf), np.full(2, -np.inf)], [np.full(2, np.inf), np.full(2, -np.inf)]
+    all_pixels: list[np.ndarray] = []
+    small_pixels: list[np.ndarray] = []
     largest = max(tag.width for tag in board.tags)
     for tag in board.tags:
         points = tag.corners() @ R.T + p
@@ -53,29 +54,28 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray,
             continue
         whole = bool((pixels > 6).all() and (pixels < size - 7).all())
         shortest = float(np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1).min())
-        for each in (box,) if tag.width == largest else (box, small_box):
-            each[0], each[1] = np.minimum(each[0], pixels.min(axis=0)), np.maximum(each[1], pixels.max(axis=0))
+        all_pixels.append(pixels)
         if tag.width == largest:
             whole_large = whole
             if whole:
                 sides.append((shortest, _LARGE_SIDE))
         elif not whole_large:
+            small_pixels.append(pixels)
             sides.append((shortest, _SMALL_SIDE))
     coarse = max((side / needed for side, needed in sides), default=1.0)
     decimate = float(np.clip(int(coarse), 1, 4))
-    regions = []
-    if not whole_large:
-        regions.append(_around(*small_box, size, doubt_px, decimate))
-    regions.append(_around(*box, size, doubt_px, decimate))
-    if decimate > 1.0:
-        regions.append(_around(*box, size, doubt_px, 2.0 if decimate > 2.0 else 1.0))
+    finer = [2.0 if decimate > 2.0 else 1.0] if decimate > 1.0 else []
+    regions = [_around(small_pixels, size, doubt_px, decimate)]
+    regions += [_around(all_pixels, size, doubt_px, each) for each in (decimate, *finer)]
     return [region for region in regions if region is not None]
 
 
-def _around(low: np.ndarray, high: np.ndarray, size: np.ndarray, doubt_px: float, decimate: float) -> Region | None:
-    """The region around a box of pixels; None where too little of it is in the picture."""
-    if not np.isfinite(low).all():
+def _around(pixels: list[np.ndarray], size: np.ndarray, doubt_px: float, decimate: float) -> Region | None:
+    """The region around corners ((n, 2) px each); None where too little of it is in the picture."""
+    if not pixels:
         return None
+    together = np.concatenate(pixels)
+    low, high = together.min(axis=0), together.max(axis=0)
     slack = _SLACK_PX + _SLACK * float((high - low).max()) + doubt_px
     u0, v0 = (int(x) for x in np.maximum(low - slack, 0))
     u1, v1 = (int(x) for x in np.minimum(high + slack + 1, size))

@@ -87,9 +87,9 @@ class Seats:
     def paces(self) -> Iterator[tuple[str, Pace]]:
         return ((seat.node.name, seat.pace) for seat in self._seats)
 
-    def begin(self) -> None:
-        """The run's time starts at 0: so do the deadlines."""
-        self._ticks = [(0, rank) for rank, seat in enumerate(self._seats) if seat.period_ns]
+    def begin(self, first_ns: int = 0) -> None:
+        """The run's time starts at 0, the deadlines at `first_ns`."""
+        self._ticks = [(first_ns, rank) for rank, seat in enumerate(self._seats) if seat.period_ns]
         heapq.heapify(self._ticks)
 
     def due_ns(self, latest_ns: int) -> int:

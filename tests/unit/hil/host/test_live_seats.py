@@ -48,3 +48,14 @@ def test_who_cannot_keep_his_period_is_stepped_once_and_missed_deadlines_are_cou
     assert done == [("drawn", 40 * MS)]
     ((_, pace),) = seats.paces
     assert (pace.steps, pace.late, pace.missed) == (1, 1, 4)
+
+
+def test_deadlines_begin_where_they_are_told_to():
+    clock, done = [0], []
+    seats = Seats([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
+    seats.begin(3 * MS)
+    seats.catch_up()
+    assert done == []
+    clock[0] = 13 * MS
+    seats.catch_up()
+    assert done == [("drawn", 13 * MS)]
