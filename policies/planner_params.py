@@ -17,9 +17,9 @@ import numpy as np
     COMMIT_STREAK, RELAX_AFTER, LOST_AGE, MISS_AFTER, AROUND_TIME, STANDOFF, STANDOFF_FLAT, ELEVATION, ELEVATION_FLAT,
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
-    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT, LEAN,
-) = range(88)  # fmt: skip
-COUNT = 88
+    TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT, LEAN, TOUCH_STEEP,
+) = range(89)  # fmt: skip
+COUNT = 89
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -57,6 +57,7 @@ STEEP: dict[str, float] = {
     "lost_age": 1.05,
     "elevation": 0.244,
     "run_coast": 0.35,
+    "touch_speed": 0.65,
 }
 
 
@@ -76,8 +77,8 @@ class PlannerParams:
     share of the tolerance in angle (negative: down the slope). `flatten` 0..1: on a flat board this share of the
     terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. Less than `aim` s before
     contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s thrust is chosen for the
-    contact that it leads to: speed into the board `touch_speed` within `touch_band`, speed along it within
-    `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the change of thrust,
+    contact that it leads to: speed into the board `touch_speed` (and `touch_steep` more on a vertical one, where what
+    comes slowly has time to be pulled along) within `touch_band`, speed along it within `touch_skid`, no more than `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the change of thrust,
     which comes `touch_lag` s late.
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes
@@ -174,12 +175,12 @@ class PlannerParams:
     yaw_rate_max: float = 1.5
     yaw_near: float = 0.5
     touch_from: float = 0.3
-    touch_speed: float = 0.55
+    touch_speed: float = 0.58
     touch_band: float = 0.4
     touch_skid: float = 0.25
-    touch_early: float = 0.05
-    touch_late: float = 0.15
-    touch_keep: float = 0.01
+    touch_early: float = 0.02
+    touch_late: float = 0.04
+    touch_keep: float = 0.0015
     touch_lag: float = 0.02
     run_swing: float = 0.14
     overshoot_swing: float = 0.0
@@ -188,6 +189,7 @@ class PlannerParams:
     predict_trust: float = 1.0
     freeze_flat: float = 0.48
     lean: float = 0.06
+    touch_steep: float = 0.2
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

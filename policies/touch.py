@@ -1,7 +1,7 @@
 """The last quarter second: thrust alone decides when and how the drone touches.
 
-By then the body's z axis nearly lies on the board's normal, and turning the drone would spoil that. Thrust acts along
-the normal and turns nothing, so it can answer what the board did since the plan was frozen. On a steep board gravity
+By then the body's z axis turns onto the board's normal, and to turn the drone otherwise would spoil that. Thrust acts
+along the axis and turns nothing, so it can answer what the board did since the plan was frozen. On a steep board gravity
 pulls the drone along the slope by up to g: contact a tenth of a second off skids. So a thrust is judged by what it
 leads to: speed along the board, speed into the board, and contact before or after the attitude has arrived.
 """
@@ -14,7 +14,7 @@ from groundcar.board_pose import board_normal
 from kernel import njit
 from policies import planner_params as pp
 
-_FROM, _FULL = 0.75, 0.92  # cosine between body z and normal: from where, and where it fully counts
+_FROM, _FULL = 0.5, 0.8  # cosine between body z and normal: from where, and where it fully counts
 _CHOICES = 15
 
 
@@ -48,6 +48,7 @@ def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given,
     lean = 0.5 * (ux * zx + uy * zy + uz * zz)
     lift = 0.5 * (1.0 + cosine)
     least, best = math.inf, planned
+    wanted = params[pp.TOUCH_SPEED] + params[pp.TOUCH_STEEP] * math.sin(platform[6])
     low, high = params[pp.THRUST_MIN] * gain, params[pp.THRUST_MAX] * gain
     lag = params[pp.TOUCH_LAG]
     for k in range(_CHOICES):
@@ -61,7 +62,7 @@ def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given,
             into = math.sqrt(root)
             time = 2.0 * height / (speed + into) if speed > 0.0 else (speed - into) / away
             skid = (along + (given - f) * lean * lag + sideways * time) / params[pp.TOUCH_SKID]
-            hard = (into - params[pp.TOUCH_SPEED]) / params[pp.TOUCH_BAND]
+            hard = (into - wanted) / params[pp.TOUCH_BAND]
             early = max(0.0, left - time) / params[pp.TOUCH_EARLY]
             late = max(0.0, time - left) / params[pp.TOUCH_LATE]
             cost = skid * skid + hard * hard + early * early + late * late
