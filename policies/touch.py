@@ -1,9 +1,9 @@
 """The last quarter second: thrust alone decides when and how the drone touches.
 
 By then the body's z axis turns onto the board's normal, and to turn the drone otherwise would spoil that. Thrust acts
-along the axis and turns nothing, so it can answer what the board did since the plan was frozen. On a steep board gravity
-pulls the drone along the slope by up to g: contact a tenth of a second off skids. So a thrust is judged by what it
-leads to: speed along the board, speed into the board, and contact before or after the attitude has arrived.
+along the axis and turns nothing, so it can answer what the board did since the plan was frozen. On a steep board
+gravity pulls the drone along the slope by up to g: contact a tenth of a second off skids. So a thrust is judged by what
+it leads to: speed along the board, speed into the board, and contact before or after the attitude has arrived.
 """
 
 from __future__ import annotations
