@@ -24,8 +24,8 @@ _WIRE_REST_NS = 1_000_000  # a flood on a wire may not keep its driver busy
 _HEALTH_NS = 500_000_000
 _IDLE_NS = 100_000_000
 _SAFE_LIMIT_NS = 20_000_000_000
-# Where in a period of 4 or 10 ms a service has its deadlines. All at 0 wanted the cores at once, a few milliseconds in
-# twenty, and held up the pictures that came then; this way who reads comes after who tells.
+# Where in a period of 4 or 10 ms a service has its deadlines: not all at 0, where they would want the cores at once,
+# and who reads the motion capture after it has told. What it brings to latency was not measured apart.
 _FIRST_NS = {
     "mocap": 1_000_000, "car_device": 2_000_000, "car": 3_000_000, "vehicle_link": 5_000_000, "referee": 7_000_000,
 }  # fmt: skip
