@@ -40,42 +40,27 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray,
     where they are is looked first: the board fills the picture then, when there is least time.
     """
     size = np.array([camera.width, camera.height], np.float64)
-    sides: list[tuple[float, float]] = []
-    whole_large = False
-    all_pixels: list[np.ndarray] = []
-    small_pixels: list[np.ndarray] = []
-    largest = max(tag.width for tag in board.tags)
-    for tag in board.tags:
-        points = tag.corners() @ R.T + p
-        if points[:, 2].min() < _NEAR:
-            continue
-        pixels = points[:, :2] / points[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-        if (pixels.max(axis=0) < -doubt_px).any() or (pixels.min(axis=0) > size - 1 + doubt_px).any():
-            continue
-        whole = bool((pixels > 6).all() and (pixels < size - 7).all())
-        shortest = float(np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1).min())
-        all_pixels.append(pixels)
-        if tag.width == largest:
-            whole_large = whole
-            if whole:
-                sides.append((shortest, _LARGE_SIDE))
-        elif not whole_large:
-            small_pixels.append(pixels)
-            sides.append((shortest, _SMALL_SIDE))
-    coarse = max((side / needed for side, needed in sides), default=1.0)
-    decimate = float(np.clip(int(coarse), 1, 4))
+    points = board.corners @ R.T + p
+    ahead = points[:, :, 2].min(axis=1) >= _NEAR
+    pixels = points[:, :, :2] / np.maximum(points[:, :, 2:], _NEAR) * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    low, high = pixels.min(axis=1), pixels.max(axis=1)
+    seen = ahead & ((high >= -doubt_px) & (low <= size - 1 + doubt_px)).all(axis=1)
+    shortest = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).min(axis=1)
+    whole = ((low > 6) & (high < size - 7)).all(axis=1) & seen & board.is_large
+    small = seen & ~board.is_large & ~whole.any()
+    sides = [*shortest[whole] / _LARGE_SIDE, *shortest[small] / _SMALL_SIDE]
+    decimate = float(np.clip(int(max(sides, default=1.0)), 1, 4))
     finer = [2.0 if decimate > 2.0 else 1.0] if decimate > 1.0 else []
-    regions = [_around(small_pixels, size, doubt_px, decimate)]
-    regions += [_around(all_pixels, size, doubt_px, each) for each in (decimate, *finer)]
+    regions = [_around(pixels[small], size, doubt_px, decimate)]
+    regions += [_around(pixels[seen], size, doubt_px, each) for each in (decimate, *finer)]
     return [region for region in regions if region is not None]
 
 
-def _around(pixels: list[np.ndarray], size: np.ndarray, doubt_px: float, decimate: float) -> Region | None:
-    """The region around corners ((n, 2) px each); None where too little of it is in the picture."""
-    if not pixels:
+def _around(pixels: np.ndarray, size: np.ndarray, doubt_px: float, decimate: float) -> Region | None:
+    """The region around corners ((n, 4, 2) px); None where too little of it is in the picture."""
+    if not len(pixels):
         return None
-    together = np.concatenate(pixels)
-    low, high = together.min(axis=0), together.max(axis=0)
+    low, high = pixels.min(axis=(0, 1)), pixels.max(axis=(0, 1))
     slack = _SLACK_PX + _SLACK * float((high - low).max()) + doubt_px
     u0, v0 = (int(x) for x in np.maximum(low - slack, 0))
     u1, v1 = (int(x) for x in np.minimum(high + slack + 1, size))

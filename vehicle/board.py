@@ -97,6 +97,16 @@ class Board:
         """Tag id to its corners in the board frame, (4, 3) m."""
         return {tag.id: tag.corners() for tag in self.tags}
 
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """Corners of all tags in the board frame, (tags, 4, 3) m."""
+        return np.stack([tag.corners() for tag in self.tags])
+
+    @cached_property
+    def is_large(self) -> np.ndarray:
+        """(tags,) bool: those of the greatest width."""
+        return np.array([tag.width == max(other.width for other in self.tags) for tag in self.tags])
+
     def rectangles(self) -> list[tuple[int, int, int, int]]:
         """Black area of the face as (row, column, rows, columns) in modules, none overlapping: for vector output."""
         open_runs: dict[tuple[int, int], int] = {}
