@@ -44,7 +44,7 @@ TOPICS: dict[str, Topic] = {
     "policy/action": Topic(m.Action, 100, 50, True, ("vehicle_link",)),
     "vehicle/sent": Topic(m.Sent, 100, 50, True, ("policy",)),
     "referee/contact": Topic(m.Contact, 100, 50, True, ("vehicle_device", "vehicle_link", "director")),
-    "run/stage": Topic(m.Stage, 100, 50, True, EVERYONE),
+    "run/stage": Topic(m.Stage, 20, 100, True, EVERYONE),
     "event": Topic(m.Event, 0, 0, True, EVERYONE),
 }
 

@@ -14,6 +14,7 @@ from typing import Any
 from hil.bus import CONTROL, HEALTH, Bus, Mailbox
 from hil.host.live_graph import declare
 from hil.host.live_presence import Presence, footprint
+from hil.host.live_priority import AtWork
 from hil.host.live_seats import Seats
 from hil.host.live_time import RunTime
 from hil.messages import Event
@@ -57,7 +58,9 @@ class LiveService:
         self._presence = presence or Presence()
         self._trouble, self._counters = trouble, counters
         wires = descriptors or {}
-        self._seats = Seats(nodes, self._publish, run_time.now, book=book, wired=set(wires.values()))
+        self._seats = Seats(
+            nodes, self._publish, run_time.now, book=book, wired=set(wires.values()), at_work=AtWork(name)
+        )
         ranks = {node.name: rank for rank, node in enumerate(nodes)}
         self._wired = {fd: ranks[node] for fd, node in wires.items() if node in ranks}
         self._quiet_ns = dict.fromkeys(self._wired, 0)  # until then a wire does not wake its node again

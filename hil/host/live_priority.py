@@ -20,15 +20,20 @@ from typing import NamedTuple
 
 
 class Priority(NamedTuple):
-    """`nice` of the process and of its session; `slice_ns` 0: the kernel's own. `real_time`: SCHED_FIFO's, 0: none."""
+    """`nice` of the process and of its session; `slice_ns` 0: the kernel's own. `real_time`: SCHED_FIFO's, 0: none.
+
+    `at_work`: SCHED_FIFO's during a step, 0: as ever.
+    """
 
     nice: int
     slice_ns: int = 0
     real_time: int = 0
+    at_work: int = 0
 
 
 # A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn and
 # several to be searched: these two are not chopped up, and the drawn one is not due before it would have been read out.
+# Once it is due it goes before all that is not control.
 # Who is not on the way from the picture to the motors comes after the detector: with them before it one picture in ten
 # came 1.5 ms later. The recorder has time, but not for ever: left to what the others leave it waited for a core 61 % of
 # a soak.
@@ -36,7 +41,7 @@ CONTROL = Priority(-15, 300_000, 30)
 PRIORITIES = {
     "detector": Priority(-13, real_time=20),
     **dict.fromkeys(("mocap", "car_device", "car", "referee"), Priority(-12, 300_000, 15)),
-    "camera": Priority(-11, real_time=10),
+    "camera": Priority(-11, real_time=22, at_work=10),
     "recorder": Priority(-9, real_time=5),
 }
 
@@ -56,6 +61,23 @@ def take_priority(service: str) -> None:
         return
     if wanted.slice_ns:
         _take_slice(wanted.slice_ns)
+
+
+class AtWork:
+    """`with` it this thread has the priority that its service has during a step. To be made after `take_priority`."""
+
+    def __init__(self, service: str) -> None:
+        wanted = PRIORITIES.get(service, CONTROL)
+        changes = wanted.at_work and os.sched_getscheduler(0) == os.SCHED_FIFO
+        self._usual, self._now = (wanted.real_time, wanted.at_work) if changes else (0, 0)
+
+    def __enter__(self) -> None:
+        if self._now:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self._now))
+
+    def __exit__(self, *_: object) -> None:
+        if self._usual:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self._usual))
 
 
 def _run_in_real_time(priority: int) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import heapq
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -59,9 +60,12 @@ class Seats:
         *,
         book: ReceiptBook | None = None,
         wired: Collection[str] = (),
+        at_work: AbstractContextManager[None] | None = None,
     ) -> None:
-        """`wired`: nodes woken by a wire, whose period then only has to be kept as far as `WIRE_PERIOD_NS`."""
+        """`wired`: nodes woken by a wire, whose period then only has to be kept as far as `WIRE_PERIOD_NS`. `at_work`
+        is entered for every step."""
         self._bus_publish, self._now, self._book = publish, now, book
+        self._at_work = at_work or nullcontext()
         self._seats = [
             _Seat(
                 n, Inbox(n.inputs), {t: [] for t in n.inputs},
@@ -138,7 +142,8 @@ class Seats:
             consumed += (len(numbers), *numbers)
             numbers.clear()
         began = time.monotonic_ns()
-        outs = seat.node.step(now_ns, seat.inbox)
+        with self._at_work:
+            outs = seat.node.step(now_ns, seat.inbox)
         seat.pace.busy_ns += time.monotonic_ns() - began
         seat.pace.steps += 1
         seat.inbox.clear()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from hil.messages import Contact, Event, Stage, VehicleStatus
 from hil.node import Inbox, Out
 
+_REPEAT_NS = 50_000_000  # a change is told at once, and every stage again and again: a reader may have missed it
 _LOST = ("failed", "interrupted", "killed")  # phases of the driver from which no attempt can begin
 
 
@@ -21,7 +22,7 @@ class Director:
         """`lead_ns`: the car drives this long before the attempt; `after_ns`: recorded after the verdict."""
         self._lead_ns, self._limit_ns, self._after_ns = lead_ns, prepare_limit_ns, after_ns
         self._stage = "prepare"
-        self._car_start_ns = self._attempt_ns = self._end_ns = 0
+        self._car_start_ns = self._attempt_ns = self._end_ns = self._tell_ns = 0
         self.failure = ""
 
     @property
@@ -55,7 +56,9 @@ class Director:
                     self._stage = "ended"
         if self._stage != before:
             outs.append(Out("event", Event(now_ns, "error" if self.failure else "info", self.name, self._text())))
-        outs.append(Out("run/stage", Stage(now_ns, self._stage, self._attempt_ns, self._car_start_ns)))
+        if self._stage != before or now_ns >= self._tell_ns:
+            self._tell_ns = now_ns + _REPEAT_NS
+            outs.append(Out("run/stage", Stage(now_ns, self._stage, self._attempt_ns, self._car_start_ns)))
         return outs
 
     def _fail(self, why: str) -> None:

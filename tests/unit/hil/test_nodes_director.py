@@ -53,6 +53,17 @@ def test_a_run_goes_through_its_stages_at_the_right_times():
     assert {event.severity for event in run.events} == {"info"}
 
 
+def test_a_stage_is_told_at_once_and_then_again_twenty_times_a_second():
+    director = Director(LEAD, LIMIT, AFTER)
+    inbox = filled(director)
+    told = []
+    for ms in range(0, 200, 10):
+        if ms == 120:
+            inbox.put("vehicle/status", status("hover"))
+        told += [(ms, out.message.name) for out in director.step(ms * MS, inbox) if out.topic == "run/stage"]
+    assert told == [(0, "prepare"), (50, "prepare"), (100, "prepare"), (120, "lead"), (170, "lead")]
+
+
 def test_a_failed_attempt_ends_the_run_as_a_success_does():
     run = Run()
     run.at(0, vehicle_status=status("hover"))
@@ -65,7 +76,7 @@ def test_a_failed_attempt_ends_the_run_as_a_success_does():
 def test_a_verdict_before_the_attempt_is_not_heard():
     run = Run()
     run.at(0, vehicle_status=status("hover"), referee_contact=verdict("ongoing"))
-    assert [run.at(t).name for t in (0, 1_000, 1_990)] == ["lead"] * 3
+    assert [run.at(t).name for t in (100, 1_000, 1_990)] == ["lead"] * 3
 
 
 @pytest.mark.parametrize(
@@ -83,7 +94,7 @@ def test_without_a_hover_there_is_no_attempt(heard, words):
     run.at(0, **({"vehicle_status": heard} if heard else {}))
     run.at(60_000)
     assert run.stages[-1] == ("ended" if heard and heard.phase != "takeoff" else "prepare")
-    run.at(60_001)
+    run.at(60_050)
     assert run.stages[-1] == "ended"
     assert words in run.director.failure
     assert run.events[-1].severity == "error"

@@ -50,7 +50,29 @@ def test_the_session_of_a_shell_is_left_alone():
     assert after == before
 
 
+AT_WORK = """
+import os
+from hil.host.live_priority import AtWork, take_priority
+take_priority("camera")
+at_work = AtWork("camera")
+priorities = []
+for _ in range(2):
+    with at_work:
+        priorities.append(os.sched_getparam(0).sched_priority)
+    priorities.append(os.sched_getparam(0).sched_priority)
+print(*priorities)
+"""
+
+
+def test_a_picture_is_drawn_after_others_but_delivered_before_them():
+    said = subprocess.run([sys.executable, "-c", AT_WORK], capture_output=True, text=True, check=True)
+    wanted = PRIORITIES["camera"]
+    may = permitted("os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))") and os.cpu_count() > 1
+    assert said.stdout.split() == [str(n) for n in (wanted.at_work, wanted.real_time) * 2] if may else ["0"] * 4
+
+
 def test_what_somebody_waits_for_goes_first():
     order = [CONTROL, *(PRIORITIES[name] for name in ("detector", "car", "camera", "recorder"))]
     assert [one.nice for one in order] == sorted({one.nice for one in order})
-    assert [one.real_time for one in order] == sorted({one.real_time for one in order}, reverse=True)
+    at_work = [one.at_work or one.real_time for one in order]
+    assert at_work == sorted(set(at_work), reverse=True)
