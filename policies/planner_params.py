@@ -57,6 +57,7 @@ STEEP: dict[str, float] = {
     "lost_age": 1.05,
     "elevation": 0.244,
     "run_coast": 0.35,
+    "run_rise": 0.95,
     "touch_speed": 0.65,
 }
 
