@@ -57,7 +57,6 @@ STEEP: dict[str, float] = {
     "lost_age": 1.05,
     "elevation": 0.244,
     "run_coast": 0.35,
-    "run_rise": 0.95,
     "touch_speed": 0.65,
 }
 
@@ -97,9 +96,9 @@ class PlannerParams:
     `around_time` s of climbing away. Following: distance and elevation of the standoff, for steep and flat boards.
     Tracking: `fade` s before contact position feedback ends; gains; yaw is left alone within `yaw_near` m.
     Run-up (from `run_inclination` on, where `steep` is also put over the other values): thrust and body rate of the
-    flare it leads to; its acceleration, the coast after it, the vertical acceleration; gains; how near (`run_away`) and
-    how straight (`run_turn`) it begins; when before the flare's gate
-    (`run_commit`) and below which cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is
+    flare it leads to; its acceleration, the coast after it, the vertical acceleration (at most); gains; how near
+    (`run_away`) and how straight (`run_turn`) it begins; when before the flare's gate (`run_commit`) and below which
+    cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is
     slow: the speed foretold for contact must be in the lowest `run_swing` of its range, which widens as other demands.
     """
 
@@ -143,7 +142,7 @@ class PlannerParams:
     run_rate: float = 3.24
     run_accel: float = 1.46
     run_coast: float = 0.2
-    run_rise: float = 0.73
+    run_rise: float = 0.95
     run_kp: float = 2.13
     run_kv: float = 3.89
     run_away: float = 0.6

@@ -17,6 +17,7 @@ from policies import planner_params as pp
 from policies.planner_follow import command_acceleration, face, keep_in_view
 from policies.speed_history import history_range
 
+_LOOK_DOWN = math.radians(33.7)  # below the horizon the camera still sees the board where the run-up begins
 _STEADY = 0.3  # m/s, a range of speeds that makes no moment better than another
 
 
@@ -41,6 +42,20 @@ def runup_time(inclination, params):
 
 
 @njit
+def _rise(inclination, params):
+    """Vertical acceleration (m/s^2) of the run-up: it begins high, but no higher than the camera can look down from.
+
+    At its end the nose is down by more than the camera's half field of view: a board that is not far enough below
+    leaves the picture by its upper edge.
+    """
+    x, z, vx, vz, _ = flare_gate(inclination, params)
+    time = runup_time(inclination, params)
+    away = vx * time - 0.5 * vx * vx / params[pp.RUN_ACCEL] - x
+    seen = 2.0 * (away * math.tan(_LOOK_DOWN) - z + vz * time) / (time * time)
+    return min(params[pp.RUN_RISE], max(0.0, seen))
+
+
+@njit
 def met_slow(future, step, inclination, share, history, params):
     """True if a run-up begun now meets the board in the lowest `share` of its speeds, remembered and foretold.
 
@@ -60,7 +75,7 @@ def met_slow(future, step, inclination, share, history, params):
 def runup_reference(left, inclination, params):
     """(x, z, vx, vz, ax, az) relative to the board, `left` s before the gate (negative: coasting on past it)."""
     x, z, vx, vz, _ = flare_gate(inclination, params)
-    az, ax = params[pp.RUN_RISE], 0.0
+    az, ax = _rise(inclination, params), 0.0
     z, vz = z - vz * left + 0.5 * az * left * left, vz - az * left
     x -= vx * left
     if left > params[pp.RUN_COAST]:

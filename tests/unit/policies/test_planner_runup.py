@@ -33,6 +33,14 @@ def test_from_the_gate_the_flare_ends_on_the_board_at_the_impact_speed(inclinati
     assert [vx, vz] == pytest.approx(-ROW[pp.IMPACT_SPEED] * n, abs=1e-3)
 
 
+@pytest.mark.parametrize("degrees", [62.0, 65.0, 70.0, 75.0, 80.0])
+def test_from_where_it_begins_the_camera_sees_the_board(degrees):
+    inclination = math.radians(degrees)
+    x, z, *_ = ru.runup_reference(ru.runup_time(inclination, ROW), inclination, ROW)
+    lowest = ROW[pp.CAMERA_TILT] + ROW[pp.CAMERA_HALF_FOV]  # held level there
+    assert 0.5 * lowest < math.atan2(z, -x) < lowest - math.radians(5.0)
+
+
 def test_the_reference_starts_at_rest_and_arrives_at_the_gate_without_a_jump():
     inclination = math.radians(70.0)
     whole = ru.runup_time(inclination, ROW)
