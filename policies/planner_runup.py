@@ -45,7 +45,7 @@ def runup_time(inclination, params):
 def _rise(inclination, params):
     """Vertical acceleration (m/s^2) of the run-up: it begins high, but no higher than the camera can look down from.
 
-    At its end the nose is down by more than the camera's half field of view: a board that is not far enough below
+    At its end the nose is down by as much as the camera's half field of view: a board that is not far enough below
     leaves the picture by its upper edge.
     """
     x, z, vx, vz, _ = flare_gate(inclination, params)
