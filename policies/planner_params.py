@@ -98,8 +98,8 @@ class PlannerParams:
     Run-up (from `run_inclination` on, where `steep` is also put over the other values): thrust and body rate of the
     flare it leads to; its acceleration, the coast after it, the vertical acceleration (at most); gains; how near
     (`run_away`) and how straight (`run_turn`) it begins; when before the flare's gate (`run_commit`) and below which
-    cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is
-    slow: the speed foretold for contact must be in the lowest `run_swing` of its range, which widens as other demands.
+    cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is slow: the speed foretold for
+    contact must be in the lowest `run_swing` of its range, which widens as other demands.
     """
 
     gravity: float = 9.80665

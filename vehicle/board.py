@@ -105,7 +105,8 @@ class Board:
     @cached_property
     def is_large(self) -> np.ndarray:
         """(tags,) bool: those of the greatest width."""
-        return np.array([tag.width == max(other.width for other in self.tags) for tag in self.tags])
+        widths = np.array([tag.width for tag in self.tags])
+        return widths == widths.max()
 
     def rectangles(self) -> list[tuple[int, int, int, int]]:
         """Black area of the face as (row, column, rows, columns) in modules, none overlapping: for vector output."""
