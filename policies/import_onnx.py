@@ -61,10 +61,11 @@ def _weights(model: onnx.ModelProto) -> dict[str, Tensor]:
 
 
 def _config(weights: dict[str, Tensor]) -> NetworkConfig:
-    """The sizes that the weights have. Raises KeyError if one is missing."""
-    width = len(weights["trunk.first.bias"])
+    """The sizes that the weights have, and the lean. Raises KeyError if one is missing."""
+    width, aligned = len(weights["trunk.first.bias"]), "lean" in weights
+    touch = {"aligned": aligned, "lean": round(float(weights["lean"]), 6) if aligned else 0.0}
     temporal = "trunk.tcn.third.bias" in weights
     if not temporal:
-        return NetworkConfig(temporal=False, width=width)
+        return NetworkConfig(temporal=False, width=width, **touch)
     a, b, c = (len(weights[f"trunk.tcn.{name}.bias"]) for name in ("first", "second", "third"))
-    return NetworkConfig(channels=(a, b, c), width=width)
+    return NetworkConfig(channels=(a, b, c), width=width, **touch)

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
+from policies.network_touch import aligned_action
 from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_R, TAIL_V
 
 FUTURE = 15  # N of the paper
@@ -32,12 +33,15 @@ class NetworkConfig:
     """Architecture and the paper's ablations. `temporal` False is PerchRL w/o TA: no TCN, no future for the critic.
 
     `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
-    right and left are the same to it.
+    right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
+    a vertical slope (`touch_attitude.py`).
     """
 
     temporal: bool = True
     geometry: bool = True
     mirrored: bool = False
+    aligned: bool = False
+    lean: float = 0.0
     channels: tuple[int, int, int] = (24, 32, 48)
     width: int = 128
     log_std: float = -1.2
@@ -131,6 +135,7 @@ class Actor(nn.Module):
 
     observation_signs: Tensor
     action_signs: Tensor
+    lean: Tensor
     future_signs: Tensor
 
     def __init__(self, config: NetworkConfig) -> None:
@@ -139,6 +144,8 @@ class Actor(nn.Module):
         self.register_buffer("observation_signs", torch.tensor(OBSERVATION_SIGNS), persistent=False)
         self.register_buffer("action_signs", torch.tensor(ACTION_SIGNS), persistent=False)
         self.register_buffer("future_signs", torch.tensor((1.0, -1.0) * len(FORESEEN)), persistent=False)
+        if config.aligned:  # with the weights: an exported file keeps it
+            self.register_buffer("lean", torch.tensor([config.lean]))
         self.trunk = Trunk(config, 0)
         self.head = nn.Linear(config.width, 4)
         self.foresight = nn.Linear(config.width, 2 * len(FORESEEN))
@@ -147,10 +154,13 @@ class Actor(nn.Module):
         nn.init.zeros_(self.head.bias)
 
     def forward(self, observation: Tensor) -> Tensor:
-        seen = self.head(self.trunk(observation))
-        if not self.config.mirrored:
-            return seen
-        return 0.5 * (seen + self.action_signs * self.head(self.trunk(observation * self.observation_signs)))
+        action = self.head(self.trunk(observation))
+        if self.config.mirrored:
+            reflected = self.action_signs * self.head(self.trunk(observation * self.observation_signs))
+            action = 0.5 * (action + reflected)
+        if not self.config.aligned:
+            return action
+        return aligned_action(observation[:, NEWEST:TAIL], observation[:, TAIL:], action, self.lean)
 
     def with_foresight(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """The mean action, and where the board will be ((B, 2 * len(FORESEEN)), m): a training aid."""

@@ -28,6 +28,7 @@ from policies.speed_history import (
 )
 from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
 from policies.touch import touch_thrust
+from policies.touch_attitude import touch_rates
 from policies.tracking import track_force
 from vehicle.rotations import body_z
 
@@ -35,8 +36,10 @@ HOLD, FOLLOW, COMMIT, TERMINAL, AROUND, RUN_UP = 0, 1, 2, 3, 4, 5
 PHASES = ("hold", "follow", "commit", "terminal", "go_around", "run_up")
 
 # Indices of a planner row.
-(S_PHASE, S_BEGUN, S_CONTACT, S_NEXT, S_ENGAGED, S_THRUST, S_COST, S_ASKED, S_LAST, S_UNTIL, S_PLANS, S_MISSES,
- S_GATE, S_AWAY, S_ACCELERATION, S_GAIN) = range(16)  # fmt: skip
+(S_PHASE, S_BEGUN, S_CONTACT, S_NEXT, S_ENGAGED, S_THRUST, S_COST, S_LAST, S_UNTIL, S_PLANS, S_MISSES, S_GATE, S_AWAY,
+ S_ACCELERATION) = range(14)  # fmt: skip
+S_ASKED = 14  # 4, CTBR asked last
+S_GAIN = S_ASKED + 4
 S_MOTION = S_GAIN + GAIN_DIM
 S_BEST, S_TRY = S_MOTION + MOTION_DIM, S_MOTION + 2 * MOTION_DIM
 S_START = S_MOTION + 3 * MOTION_DIM
@@ -64,7 +67,7 @@ def planner_reset(state, t, params):
     state[:] = 0.0
     state[S_ENGAGED] = -1.0
     state[S_LAST], state[S_NEXT] = t, t
-    state[S_ASKED] = params[pp.GRAVITY]
+    state[S_ASKED + 3] = params[pp.GRAVITY]
     gain_reset(state[S_GAIN : S_GAIN + GAIN_DIM], params[pp.GRAVITY])
 
 
@@ -260,6 +263,8 @@ def _fly_motion(state, t, p, v, q, platform, params, out):
         given = gain * state[S_GAIN + G_LAGGED]
         thrust = touch_thrust(p, v, zx, zy, zz, platform, state[S_ACCELERATION], left, thrust, given, gain, params)
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
+    before, below, radius = state[S_ASKED : S_ASKED + 2], params[pp.ROBOT_L], params[pp.ROBOT_R]
+    touch_rates(p, v, q, platform, before, params[pp.TOUCH_LEAN], below, radius, params[pp.RATE_MAX], out)
 
 
 @njit
@@ -279,7 +284,7 @@ def planner_step(state, t, p, v, q, platform, estimate, future, step, params, ou
 def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
     zx, zy, zz = body_z(q)
     gain = gain_update(
-        state[S_GAIN : S_GAIN + GAIN_DIM], v[0], v[1], v[2], zx, zy, zz, state[S_ASKED], t - state[S_LAST],
+        state[S_GAIN : S_GAIN + GAIN_DIM], v[0], v[1], v[2], zx, zy, zz, state[S_ASKED + 3], t - state[S_LAST],
         params[pp.THRUST_LAG] + _WAIT, params[pp.DRAG], params[pp.GRAVITY],
     )  # fmt: skip
     state[S_LAST] = t
@@ -298,7 +303,7 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
         climb_away(p, v, q, platform, gain, params, out)
     else:
         _fly_motion(state, t, p, v, q, platform, params, out)
-    state[S_ASKED] = out[3]
+    state[S_ASKED : S_ASKED + 4] = out
     return phase
 
 

@@ -18,8 +18,9 @@ import numpy as np
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
     TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT, LEAN, TOUCH_STEEP,
-) = range(89)  # fmt: skip
-COUNT = 89
+    TOUCH_LEAN,
+) = range(90)  # fmt: skip
+COUNT = 90
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -80,7 +81,7 @@ class PlannerParams:
     contact that it leads to: speed into the board `touch_speed` (and `touch_steep` more on a vertical one, where what
     comes slowly has time to be pulled along) within `touch_band`, speed along it within `touch_skid`, no more than
     `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the change of thrust, which comes `touch_lag` s
-    late.
+    late. Rates then see to an aligned contact, body z `touch_lean` rad up a vertical slope (`touch_attitude.py`).
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes
     without getting better. The board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A
@@ -191,6 +192,7 @@ class PlannerParams:
     freeze_flat: float = 0.48
     lean: float = 0.06
     touch_steep: float = 0.2
+    touch_lean: float = 0.1
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -17,7 +17,10 @@ _TCN = ("trunk.tcn.first", "trunk.tcn.second", "trunk.tcn.third")
 
 
 def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
-    """A copy of `actor` with the sizes of `wanted`. Raises ValueError unless these are whole multiples of its own."""
+    """A copy of `actor` with the sizes of `wanted`, mirrored and aligned as that says.
+
+    Raises ValueError unless the sizes are whole multiples of its own.
+    """
     has = actor.config
     old, new = (*has.channels, has.width), (*wanted.channels, wanted.width)
     kind = (has.temporal, has.geometry), (wanted.temporal, wanted.geometry)
@@ -38,7 +41,8 @@ def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
     for layer in (_TRUNK[1], "head", "foresight"):
         _share_inputs(weights, layer, 0, has.width, 1, width, random)
     wider = Actor(wanted)
-    wider.load_state_dict(weights)
+    weights.pop("lean", None)  # no weight that was learnt: `wanted` tells
+    wider.load_state_dict({**wider.state_dict(), **weights})
     return wider
 
 

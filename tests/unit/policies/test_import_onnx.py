@@ -19,7 +19,13 @@ CHECKPOINTS = Path(__file__).parents[3] / "policies" / "checkpoints"
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"mirrored": True}, {"temporal": False}, {"width": 192, "channels": (8, 12, 16)}]
+    "options",
+    [
+        {},
+        {"mirrored": True, "aligned": True, "lean": 0.1},
+        {"temporal": False},
+        {"width": 192, "channels": (8, 12, 16)},
+    ],
 )
 def test_what_was_exported_comes_back(tmp_path, options):
     path, net = tmp_path / "p.onnx", actor(**options)

@@ -38,6 +38,13 @@ def test_a_network_may_begin_to_ask_about_the_mirror_image():
     torch.testing.assert_close(both(observation), 0.5 * (actor(observation) + image))
 
 
+def test_a_network_may_begin_to_touch_aligned_and_lean_otherwise():
+    leaning = widened(Actor(SMALL), replace(SMALL, aligned=True, lean=0.1))
+    more = widened(leaning, replace(SMALL, aligned=True, lean=0.2, width=32))
+    assert leaning.lean.tolist() == pytest.approx([0.1]) and more.lean.tolist() == pytest.approx([0.2])
+    assert "lean" not in widened(more, replace(SMALL, width=32)).state_dict()
+
+
 def test_copies_of_a_unit_learn_different_things():
     torch.manual_seed(1)
     wide = widened(Actor(SMALL), replace(SMALL, width=32))

@@ -1,0 +1,58 @@
+"""The last eighth of a second: body rates that let the drone touch aligned, whatever flew it there.
+
+A policy learnt from a planner comes near in position and speed, but what it touches with is the attitude, and that has
+no time left to average out. So the misalignment at contact is foretold from the rates now asked; what exceeds a band is
+taken off them. Inside the band nothing changes. Over steep boards the band lies about a lean up the slope: thrust then
+holds against the pull along it, and a contact too early or too late skids less.
+
+The planner calls this kernel; `network_touch.py` says the same in torch, so that an exported network carries it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from groundcar.board_pose import board_normal
+from kernel import njit
+from vehicle.rotations import body_z, rotate_back
+
+FROM = 0.12  # s to contact, from where on
+SHORTEST = 0.08  # s in which an excess is at most to be turned away; less rattles
+LAG = 0.04  # s that the rates asked before still act
+BAND = 0.08  # rad about the wanted axis
+BESIDE = 0.3  # m from the board's centre along its surface
+SLOWEST = 0.1  # m/s towards the board
+FACING = 0.5  # cosine between body z and normal
+
+
+@njit
+def touch_rates(p, v, q, platform, before, lean, below, radius, limit, out):
+    """Correct the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust) for an aligned contact.
+
+    `p`, `v` (3,) world, `q` (4,) world from body; `platform` (8,) the board now; `before` (2,) rates asked a step
+    earlier, rad/s; `lean`: rad that the wanted axis leans up a vertical slope, less up others; `below`, `radius`
+    the disc of the contact criterion, m; `limit` of the rates, rad/s.
+    """
+    nx, ny, nz = board_normal(platform)
+    c, s = math.cos(platform[3]), math.sin(platform[3])
+    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
+    height = nx * dx + ny * dy + nz * dz
+    beside = dx * dx + dy * dy + dz * dz - height * height
+    closing = -(nx * (v[0] - platform[4] * c) + ny * (v[1] - platform[4] * s) + nz * v[2])
+    zx, zy, zz = body_z(q)
+    cosine = nx * zx + ny * zy + nz * zz
+    if closing < SLOWEST or cosine < FACING or beside > BESIDE * BESIDE:
+        return
+    left = (height - below * cosine - radius * math.sqrt(max(0.0, 1.0 - cosine * cosine))) / closing
+    if left > FROM:
+        return
+    left = max(0.0, left)
+    sine = math.sin(platform[6])
+    turn, lean = platform[5] * left, lean * sine
+    wx, wy, wz = nx - turn * ny + lean * nz * c, ny + turn * nx + lean * nz * s, nz + lean * sine
+    off = rotate_back(q, zy * wz - zz * wy, zz * wx - zx * wz, zx * wy - zy * wx)
+    span = max(SHORTEST, left - LAG)
+    for axis in range(2):
+        then = off[axis] - before[axis] * LAG - out[axis] * span
+        rate = out[axis] + (then - min(BAND, max(-BAND, then))) / span
+        out[axis] = min(limit, max(-limit, rate))
