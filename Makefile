@@ -54,7 +54,7 @@ bench: $(VENV)/test ## real-time factors, renderer, detector and kernel speeds o
 TRAINED := training_runs
 GO_ON = $(if $(wildcard $(TRAINED)/$(1)/checkpoint.pt),--resume)
 
-train: $(VENV)/test ## from nothing to policies and their tables, sized for two hours of two cores; stopped: again goes on
+train: $(VENV)/test ## from nothing to policies and their tables, an hour of two cores; stopped: again goes on
 	$(BIN)/perch-hil train --stage state --out $(TRAINED)/state $(call GO_ON,state)
 	$(BIN)/perch-hil train --stage vision --parent $(TRAINED)/state --out $(TRAINED)/vision $(call GO_ON,vision)
 	$(BIN)/perch-hil evaluate $(TRAINED)/state/policy.onnx
