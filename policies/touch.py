@@ -19,6 +19,23 @@ _CHOICES = 15
 
 
 @njit
+def approach(p, v, zx, zy, zz, platform, below, radius):
+    """How the underside's disc nears the board: height of its lowest point over the board's plane (m), closing speed of
+    the drone's centre (m/s), cosine between body z and normal, squared distance of the centre from the normal (m^2).
+
+    `below`, `radius`: the disc of the contact criterion, m; the rest as in `touch_thrust`.
+    """
+    nx, ny, nz = board_normal(platform)
+    c, s = math.cos(platform[3]), math.sin(platform[3])
+    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
+    cosine = nx * zx + ny * zy + nz * zz
+    sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
+    centre = nx * dx + ny * dy + nz * dz
+    closing = -(nx * (v[0] - platform[4] * c) + ny * (v[1] - platform[4] * s) + nz * v[2])
+    return centre - below * cosine - radius * sine, closing, cosine, dx * dx + dy * dy + dz * dz - centre * centre
+
+
+@njit
 def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given, gain, params):
     """Thrust (m/s^2) whose contact is the best that thrust can still reach.
 
@@ -27,19 +44,15 @@ def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given,
     normal; `given`: thrust that the motors give now; `gain`: achieved over asked thrust. Motors lag: until they have
     followed, the old thrust goes on acting, which is taken off the closing speed at once.
     """
-    nx, ny, nz = board_normal(platform)
-    cosine = nx * zx + ny * zy + nz * zz
+    height, closing, cosine, _ = approach(p, v, zx, zy, zz, platform, params[pp.ROBOT_L], params[pp.ROBOT_R])
     share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
     if share <= 0.0:
         return planned
+    height = max(0.003, height)
+    nx, ny, nz = board_normal(platform)
     c, s = math.cos(platform[3]), math.sin(platform[3])
     ux, uy, uz = nz * c, nz * s, math.sin(platform[6])  # up the slope
-    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
-    sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
-    height = nx * dx + ny * dy + nz * dz - params[pp.ROBOT_L] * cosine - params[pp.ROBOT_R] * sine
-    height = max(0.003, height)
     wx, wy, wz = v[0] - platform[4] * c, v[1] - platform[4] * s, v[2]
-    closing = -(nx * wx + ny * wy + nz * wz)
     along = ux * wx + uy * wy + uz * wz
     g, drag = params[pp.GRAVITY], params[pp.DRAG]
     # Relative to the board and without thrust, along normal and slope; body z is taken to arrive on the normal.

@@ -1,9 +1,9 @@
 """The last eighth of a second: body rates that let the drone touch aligned, whatever flew it there.
 
-A policy learnt from a planner comes near in position and speed, but what it touches with is the attitude, and that has
-no time left to average out. So the misalignment at contact is foretold from the rates now asked; what exceeds a band is
-taken off them. Inside the band nothing changes. Over steep boards the band lies about a lean up the slope: thrust then
-holds against the pull along it, and a contact too early or too late skids less.
+A network that has learnt from a planner misses by its attitude where it has speed along the board to spare. So the
+misalignment at contact is foretold from the rates now asked, and what exceeds a band is taken off them. Inside the band
+nothing changes. Over steep boards the band lies about a lean up the slope: thrust then holds against the pull along it,
+and a contact too early or too late skids less.
 
 The planner calls this kernel; `network_touch.py` says the same in torch, so that an exported network carries it.
 """
@@ -14,6 +14,7 @@ import math
 
 from groundcar.board_pose import board_normal
 from kernel import njit
+from policies.touch import approach
 from vehicle.rotations import body_z, rotate_back
 
 FROM = 0.12  # s to contact, from where on
@@ -33,20 +34,16 @@ def touch_rates(p, v, q, platform, before, lean, below, radius, limit, out):
     earlier, rad/s; `lean`: rad that the wanted axis leans up a vertical slope, less up others; `below`, `radius`
     the disc of the contact criterion, m; `limit` of the rates, rad/s.
     """
-    nx, ny, nz = board_normal(platform)
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
-    height = nx * dx + ny * dy + nz * dz
-    beside = dx * dx + dy * dy + dz * dz - height * height
-    closing = -(nx * (v[0] - platform[4] * c) + ny * (v[1] - platform[4] * s) + nz * v[2])
     zx, zy, zz = body_z(q)
-    cosine = nx * zx + ny * zy + nz * zz
+    height, closing, cosine, beside = approach(p, v, zx, zy, zz, platform, below, radius)
     if closing < SLOWEST or cosine < FACING or beside > BESIDE * BESIDE:
         return
-    left = (height - below * cosine - radius * math.sqrt(max(0.0, 1.0 - cosine * cosine))) / closing
+    left = height / closing
     if left > FROM:
         return
     left = max(0.0, left)
+    nx, ny, nz = board_normal(platform)
+    c, s = math.cos(platform[3]), math.sin(platform[3])
     sine = math.sin(platform[6])
     turn, lean = platform[5] * left, lean * sine
     wx, wy, wz = nx - turn * ny + lean * nz * c, ny + turn * nx + lean * nz * s, nz + lean * sine

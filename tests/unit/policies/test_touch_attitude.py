@@ -9,10 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundcar.board_pose import board_normal
+from policies.env_config import EnvConfig
 from policies.network import Actor, NetworkConfig
 from policies.network_touch import BELOW, RADIUS, aligned_action
 from policies.observation import NEWEST, OBS_DIM, RATE_MAX, TAIL, build_observation, history_dim, push_history
 from policies.touch_attitude import BAND, BESIDE, FROM, LAG, SHORTEST, touch_rates
+from vehicle.airframe import load_airframe
 from vehicle.rotations import body_z, from_rotation_vector, integrate, multiply
 
 torch.set_num_threads(1)
@@ -129,6 +131,11 @@ def near_a_limit(left, closing, platform, q):
     """True where rounding to float32 may decide whether anything is corrected."""
     cosine = float(np.array(board_normal(platform)) @ np.array(body_z(q)))
     return abs(left - FROM) < 1e-4 or abs(closing - 0.1) < 1e-4 or abs(cosine - 0.5) < 1e-4
+
+
+def test_networks_take_the_disc_to_be_that_of_their_airframe():
+    contact = load_airframe(EnvConfig.airframe).contact
+    assert (contact.magnet_below, contact.footprint_radius) == (BELOW, RADIUS)
 
 
 def test_an_aligned_actor_is_corrected_and_another_is_not():
