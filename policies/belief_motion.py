@@ -56,7 +56,7 @@ class BeliefParams:
     bias_inclination: float = 0.0
     lambda_rho: float = 2.0
     loss_after: float = 0.11
-    valid_after: int = 5
+    valid_after: int = 3
     max_age: float = 2.0
     quiet: float = 0.2
     busy_speed: float = 1.5

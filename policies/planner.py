@@ -14,6 +14,7 @@ from policies import planner_polynomial as poly
 from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
 from policies.belief_motion import N
 from policies.planner_follow import climb_away, face, follow, hold
+from policies.planner_glide import glide
 from policies.planner_runup import flare_gate, fly_runup, met_slow, runup_time
 from policies.planner_search import MOTION_DIM, search
 from policies.prediction import carry_swing, predict_swing
@@ -32,8 +33,8 @@ from policies.touch_attitude import touch_rates
 from policies.tracking import track_force
 from vehicle.rotations import body_z
 
-HOLD, FOLLOW, COMMIT, TERMINAL, AROUND, RUN_UP = 0, 1, 2, 3, 4, 5
-PHASES = ("hold", "follow", "commit", "terminal", "go_around", "run_up")
+HOLD, FOLLOW, COMMIT, TERMINAL, AROUND, RUN_UP, GLIDE = 0, 1, 2, 3, 4, 5, 6
+PHASES = ("hold", "follow", "commit", "terminal", "go_around", "run_up", "glide")
 
 # Indices of a planner row.
 (S_PHASE, S_BEGUN, S_CONTACT, S_NEXT, S_ENGAGED, S_THRUST, S_COST, S_LAST, S_UNTIL, S_PLANS, S_MISSES, S_GATE, S_AWAY,
@@ -58,6 +59,7 @@ _WAIT = 0.01  # s from a command to the motors hearing it
 _FRESH = 0.12  # s, age of a belief whose speed is still worth remembering
 _NO_RETURN = 0.6  # s before contact, after which a perch is not given up
 _TILTED = math.radians(30.0)  # from this inclination on a board is not flat
+_WAVER = math.radians(3.0)  # more than that over the limit is not noise
 _MANY, _FEW = 22, 10  # durations searched to begin a plan and to renew one
 
 
@@ -165,8 +167,13 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
             state[S_ENGAGED] = t
     if phase == AROUND and t >= state[S_UNTIL] and v[2] > 0.0:
         phase = FOLLOW
-    if phase == FOLLOW and estimate[E_VALID] <= 0.0:
+    if phase in (FOLLOW, GLIDE) and estimate[E_VALID] <= 0.0:
         phase = HOLD
+    # What is known exactly need not be seen.
+    if phase == FOLLOW and abs(platform[6]) < params[pp.GLIDE_INCLINATION] and estimate[E_SIGMA] > 0.0:
+        phase = GLIDE
+    if phase == GLIDE and abs(platform[6]) > params[pp.GLIDE_INCLINATION] + _WAVER:
+        phase = FOLLOW
     left = state[S_CONTACT] - t
     if phase == COMMIT and left < _frozen(platform[6], params):
         phase = TERMINAL
@@ -223,6 +230,18 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
         ):
             phase = COMMIT
     state[S_PHASE] = phase
+
+
+@njit
+def _glide(state, t, p, v, q, platform, age, params, out):
+    """Fly the way down in sight; a miss is climbed away from."""
+    gain, before = state[S_GAIN + G_GAIN], state[S_ASKED : S_ASKED + 2]
+    if glide(p, v, q, platform, state[S_ACCELERATION], age, gain, params, out):
+        state[S_PHASE] = AROUND
+        state[S_UNTIL] = t + params[pp.AROUND_TIME]
+        state[S_MISSES] += 1.0
+    lean, below, radius = params[pp.TOUCH_LEAN], params[pp.ROBOT_L], params[pp.ROBOT_R]
+    touch_rates(p, v, q, platform, before, lean, below, radius, params[pp.RATE_MAX], out)
 
 
 @njit
@@ -301,6 +320,8 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
         follow(p, v, q, platform, 0.8 * min(2.0, max(0.0, estimate[E_AGE] - 0.3)), gain, params, out)
     elif phase == AROUND:
         climb_away(p, v, q, platform, gain, params, out)
+    elif phase == GLIDE:
+        _glide(state, t, p, v, q, platform, estimate[E_AGE], params, out)
     else:
         _fly_motion(state, t, p, v, q, platform, params, out)
     state[S_ASKED : S_ASKED + 4] = out

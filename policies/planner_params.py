@@ -18,9 +18,9 @@ import numpy as np
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
     TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT, LEAN, TOUCH_STEEP,
-    TOUCH_LEAN,
-) = range(90)  # fmt: skip
-COUNT = 90
+    TOUCH_LEAN, GLIDE_INCLINATION,
+) = range(91)  # fmt: skip
+COUNT = 91
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -101,6 +101,8 @@ class PlannerParams:
     (`run_away`) and how straight (`run_turn`) it begins; when before the flare's gate (`run_commit`) and below which
     cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is slow: the speed foretold for
     contact must be in the lowest `run_swing` of its range, which widens as other demands.
+    Glide: boards flatter than `glide_inclination` (0: none) are not planned for but approached in sight
+    (`planner_glide.py`), unless they are known exactly.
     """
 
     gravity: float = 9.80665
@@ -193,6 +195,7 @@ class PlannerParams:
     lean: float = 0.06
     touch_steep: float = 0.2
     touch_lean: float = 0.1
+    glide_inclination: float = math.radians(12.0)
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -1,0 +1,96 @@
+"""The glide to a flat board: behind it and low, on a way down along which the camera keeps it in the picture.
+
+The camera looks forward. A drone that comes down from above loses a flat board half a second and more before contact,
+and by then the belief of a board at 3 m/s is off by a tolerance's width. So this way down is shallow: seen backward
+from contact, a constant sink rate, and a speed along the board that grows as gently as a nearly level drone can brake.
+It ends short of the board's centre, where the farthest of the small tags is still in the picture.
+
+The law depends on the present belief alone: no plan can go out of date, and a network can learn it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from kernel import njit
+from policies import planner_params as pp
+from policies.planner_follow import command_acceleration, keep_in_view
+from policies.tracking import yaw_error
+
+_SHORT, _ALONG = 0.1, 0.2  # m behind the board's centre and m/s along it at contact
+_BRAKE, _SINK = 0.74, 0.36  # m/s^2 along the board, m/s down
+_FASTEST, _HIGHEST = 2.6, 1.25  # m/s of closing along the board, m over it: far away no more than that
+_KV, _KV_UP, _KP_SIDE, _KP_UP = 3.8, 5.0, 2.4, 3.4  # 1/s
+_SIDEWAYS, _UPWARD = 2.5, 1.6  # 1/s: sideways speed by (distance + _MARGIN) at most; m/s: upward correction at most
+_MARGIN, _ROOM, _NEAR = 0.3, 0.5, 0.25  # m; error by (distance + _MARGIN) that closing waits for, unless nearer than m
+_BEHIND, _BEARING = 1.0, 3.6  # m: nearer, behind means by the board's heading; farther, on the line of sight
+_UNSEEN, _STOP = 0.6, 0.35  # s without a detection at which closing stops, unless nearer than m
+_VIEW, _TURN = 0.4, 0.2  # m of horizontal distance from where on the camera's pitch, and its bearing, are cared for
+_TILT, _TILT_NEAR, _LEVELLER = 0.7, 0.57, 0.6  # rad; the second nearer than m
+_YAW_K, _YAW_MOST = 1.5, 2.0  # 1/s, rad/s
+_PASSED, _UNDER = -0.3, -0.06  # m: beyond the centre, or below the surface: it was missed
+
+
+@njit
+def glide_reference(away):
+    """(closing m/s, sink m/s by m/s of closing, height m, s to contact) where the board's centre is `away` m ahead."""
+    if away <= _SHORT:
+        left = (away - _SHORT) / _ALONG
+        return _ALONG, _SINK / _ALONG, _SINK * left, left
+    closing = math.sqrt(_ALONG * _ALONG + 2.0 * _BRAKE * (away - _SHORT))
+    left = (closing - _ALONG) / _BRAKE
+    height = _SINK * left
+    return min(_FASTEST, closing), (_SINK / closing if height < _HIGHEST else 0.0), min(_HIGHEST, height), left
+
+
+@njit
+def glide(p, v, q, platform, acceleration, age, gain, params, out):
+    """Fly the glide; fills `out` (4,). Returns True if the board was missed: it is behind the drone, or over it.
+
+    `p`, `v` (3,) world, `q` (4,) world from body; `platform` (8,) the board now, `acceleration` m/s^2 its own along its
+    heading, `age` s since the last detection.
+    """
+    c, s = math.cos(platform[3]), math.sin(platform[3])
+    speed, turn = platform[4], platform[5]
+    dx, dy = platform[0] - p[0], platform[1] - p[1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    behind = min(1.0, max(0.0, (_BEARING - distance) / (_BEARING - _BEHIND)))
+    sight = (1.0 - behind) / max(distance, 1e-6)
+    ux, uy = behind * c + sight * dx, behind * s + sight * dy
+    norm = math.sqrt(ux * ux + uy * uy)
+    if norm < 0.1:  # the board comes towards the drone
+        ux, uy, norm = c, s, 1.0
+    ux, uy = ux / norm, uy / norm
+    away, side = dx * ux + dy * uy, dy * ux - dx * uy
+    height = p[2] - platform[2] - params[pp.ROBOT_L]
+    closing, sink, wanted, left = glide_reference(away)
+    brake = _BRAKE if left > 0.0 and closing < _FASTEST else 0.0
+    if away > _NEAR:
+        error = math.sqrt(0.5 * side * side + 0.6 * (height - wanted) * (height - wanted))
+        share = min(1.0, max(0.0, 2.0 - error / (_ROOM * (_MARGIN + away))))
+        if age > _UNSEEN and away > _STOP:
+            share = 0.0
+        closing, brake = closing * share, brake * share * share
+    rx, ry = v[0] - speed * c, v[1] - speed * s
+    nearing, drift = rx * ux + ry * uy, ry * ux - rx * uy
+    # The way down is fixed to the board, so it swings out when the board turns.
+    swing = behind * turn
+    most = _SIDEWAYS * (_MARGIN + abs(away))
+    forward = _KV * (closing - nearing) - brake + swing * turn * away
+    sideways = _KV * (min(most, max(-most, _KP_SIDE * side)) - swing * away - drift) + 2.0 * swing * nearing
+    ax = forward * ux - sideways * uy + acceleration * c - turn * speed * s
+    ay = forward * uy + sideways * ux + acceleration * s + turn * speed * c
+    fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
+    if height < _MARGIN:
+        fall = max(fall, -1.3 * _SINK)
+    if distance > _VIEW:
+        ax, ay = keep_in_view(ax, ay, p, platform, params)
+    yaw_rate = 0.0
+    if distance > _TURN:
+        yaw_rate = _YAW_K * yaw_error(q, dx, dy) * min(1.0, distance / _VIEW)
+        yaw_rate = min(_YAW_MOST, max(-_YAW_MOST, yaw_rate))
+    if distance > _VIEW:
+        yaw_rate -= drift / distance
+    tilt = _TILT if distance > _LEVELLER else _TILT_NEAR
+    command_acceleration(q, v[0], v[1], v[2], ax, ay, _KV_UP * (fall - v[2]), yaw_rate, tilt, gain, params, out)
+    return away < _PASSED or (height < _UNDER and away < _NEAR)
