@@ -158,6 +158,13 @@ def _frozen(inclination, params):
 
 
 @njit
+def _leave(state, t, params):
+    """Begin to climb away; returns the phase."""
+    state[S_UNTIL] = t + params[pp.AROUND_TIME]
+    return AROUND
+
+
+@njit
 def _decide(state, t, p, v, q, platform, estimate, future, step, params):
     """Move between the phases; plans when due."""
     phase = state[S_PHASE]
@@ -178,12 +185,10 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
     if phase == COMMIT and left < _frozen(platform[6], params):
         phase = TERMINAL
     if phase == TERMINAL and left < -params[pp.MISS_AFTER]:
-        phase = AROUND
-        state[S_UNTIL] = t + params[pp.AROUND_TIME]
+        phase = _leave(state, t, params)
         state[S_MISSES] += 1.0
     if phase == RUN_UP and (t > state[S_GATE] + 0.15 or estimate[E_AGE] > params[pp.LOST_AGE]):
-        phase = AROUND
-        state[S_UNTIL] = t + params[pp.AROUND_TIME]
+        phase = _leave(state, t, params)
     if planner_due(state, t):
         state[S_NEXT] = t + params[pp.REPLAN]
         state[S_ACCELERATION] = (future[1, 4] - future[0, 4]) / step
@@ -237,8 +242,7 @@ def _glide(state, t, p, v, q, platform, age, params, out):
     """Fly the way down in sight; a miss is climbed away from."""
     gain, before = state[S_GAIN + G_GAIN], state[S_ASKED : S_ASKED + 2]
     if glide(p, v, q, platform, state[S_ACCELERATION], age, gain, params, out):
-        state[S_PHASE] = AROUND
-        state[S_UNTIL] = t + params[pp.AROUND_TIME]
+        state[S_PHASE] = _leave(state, t, params)
         state[S_MISSES] += 1.0
     lean, below, radius = params[pp.TOUCH_LEAN], params[pp.ROBOT_L], params[pp.ROBOT_R]
     touch_rates(p, v, q, platform, before, lean, below, radius, params[pp.RATE_MAX], out)

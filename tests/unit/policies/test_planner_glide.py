@@ -65,16 +65,9 @@ def test_a_board_passed_over_or_under_was_missed(x, z, missed):
 
 
 def test_after_a_miss_it_climbs_away():
-    state, estimate, future, out = (
-        np.zeros(pl.PLANNER_DIM),
-        np.zeros(pl.ESTIMATE_DIM),
-        np.zeros((HORIZON, 8)),
-        np.zeros(4),
-    )
+    state, out, platform = np.zeros(pl.PLANNER_DIM), np.zeros(4), np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0])
     pl.planner_reset(state, 0.0, PLANNER)
-    estimate[:] = 1.0, 0.01, 0.1, 0.0, 20.0, 0.0
-    platform = np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0])
-    future[:] = platform
+    estimate, future = np.array([1.0, 0.01, 0.1, 0.0, 20.0, 0.0]), np.tile(platform, (HORIZON, 1))
     arguments = (LEVEL, platform, estimate, future, STEP, PLANNER, out)
     phases = [
         pl.planner_step(state, 0.01 * k, np.array([x, 0.0, 1.8]), np.zeros(3), *arguments)
