@@ -21,7 +21,8 @@ _SHORT, _ALONG = 0.1, 0.2  # m behind the board's centre and m/s along it at con
 _BRAKE, _SINK = 0.74, 0.36  # m/s^2 along the board, m/s down
 _FASTEST, _HIGHEST = 2.6, 1.25  # m/s of closing along the board, m over it: far away no more than that
 _KV, _KV_UP, _KP_SIDE, _KP_UP = 3.8, 5.0, 2.4, 3.4  # 1/s
-_SIDEWAYS, _UPWARD = 2.5, 1.6  # 1/s: sideways speed by (distance + _MARGIN) at most; m/s: upward correction at most
+_SIDEWAYS, _UPWARD = 2.5, 1.6  # 1/s: sideways speed by (distance + _MARGIN) at most; m/s: correction of height at most
+_LOW, _FALL = 0.3, 1.3  # m over the board, from where on it sinks at most by that many times _SINK
 _MARGIN, _ROOM, _NEAR = 0.3, 0.5, 0.25  # m; error by (distance + _MARGIN) that closing waits for, unless nearer than m
 _BEHIND, _BEARING = 1.0, 3.6  # m: nearer, behind means by the board's heading; farther, on the line of sight
 _UNSEEN, _STOP = 0.6, 0.35  # s without a detection at which closing stops, unless nearer than m
@@ -58,7 +59,7 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     sight = (1.0 - behind) / max(distance, 1e-6)
     ux, uy = behind * c + sight * dx, behind * s + sight * dy
     norm = math.sqrt(ux * ux + uy * uy)
-    if norm < 0.1:  # the board comes towards the drone
+    if norm < 0.1:  # heading and line of sight cancel: the board comes towards the drone
         ux, uy, norm = c, s, 1.0
     ux, uy = ux / norm, uy / norm
     away, side = dx * ux + dy * uy, dy * ux - dx * uy
@@ -81,8 +82,8 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     ax = forward * ux - sideways * uy + acceleration * c - turn * speed * s
     ay = forward * uy + sideways * ux + acceleration * s + turn * speed * c
     fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
-    if height < _MARGIN:
-        fall = max(fall, -1.3 * _SINK)
+    if height < _LOW:
+        fall = max(fall, -_FALL * _SINK)
     if distance > _VIEW:
         ax, ay = keep_in_view(ax, ay, p, platform, params)
     yaw_rate = 0.0
