@@ -10,11 +10,11 @@ import math
 
 from kernel import njit
 from policies import planner_params as pp
-from policies import planner_polynomial as poly
 from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
 from policies.belief_motion import N
-from policies.planner_follow import climb_away, face, follow, hold
+from policies.planner_follow import climb_away, follow, hold
 from policies.planner_glide import glide
+from policies.planner_motion import WAIT, fly_motion
 from policies.planner_runup import flare_gate, fly_runup, met_slow, runup_time
 from policies.planner_search import MOTION_DIM, search
 from policies.prediction import carry_swing, predict_swing
@@ -28,9 +28,7 @@ from policies.speed_history import (
     history_push,
 )
 from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
-from policies.touch import touch_thrust
 from policies.touch_attitude import touch_rates
-from policies.tracking import track_force
 from vehicle.rotations import body_z
 
 HOLD, FOLLOW, COMMIT, TERMINAL, AROUND, RUN_UP, GLIDE = 0, 1, 2, 3, 4, 5, 6
@@ -54,8 +52,6 @@ PLANNER_DIM = S_TARGET + 8
 E_VALID, E_SIGMA, E_SPEED_SIGMA, E_AGE, E_STREAK, E_SURPRISE = 0, 1, 2, 3, 4, 5
 ESTIMATE_DIM = 6
 
-_C = poly.COEFFICIENTS
-_WAIT = 0.01  # s from a command to the motors hearing it
 _FRESH = 0.12  # s, age of a belief whose speed is still worth remembering
 _NO_RETURN = 0.6  # s before contact, after which a perch is not given up
 _TILTED = math.radians(30.0)  # from this inclination on a board is not flat
@@ -249,48 +245,6 @@ def _glide(state, t, p, v, q, platform, age, params, out):
 
 
 @njit
-def _fly_motion(state, t, p, v, q, platform, params, out):
-    """Track the planned motion."""
-    m = state[S_MOTION : S_MOTION + MOTION_DIM]
-    duration = state[S_CONTACT] - state[S_BEGUN]
-    left = state[S_CONTACT] - t
-    now = min(duration, t - state[S_BEGUN])
-    fade = min(1.0, max(0.0, left / max(params[pp.FADE], 1e-6)))
-    kp, kv = params[pp.TRACK_KP] * fade, params[pp.TRACK_KV] * fade
-    drag, g = params[pp.DRAG], params[pp.GRAVITY]
-    ahead, soon = min(duration, now + params[pp.RATE_LAG]), min(duration, now + params[pp.THRUST_LAG] + _WAIT)
-    bx = kp * (poly.position(m, 0, now) - p[0]) + kv * (poly.velocity(m, 0, now) - v[0]) + drag * v[0]
-    by = kp * (poly.position(m, _C, now) - p[1]) + kv * (poly.velocity(m, _C, now) - v[1]) + drag * v[1]
-    bz = kp * (poly.position(m, 2 * _C, now) - p[2]) + kv * (poly.velocity(m, 2 * _C, now) - v[2]) + drag * v[2] + g
-    fx, fy = poly.acceleration(m, 0, now) + bx, poly.acceleration(m, _C, now) + by
-    fz = poly.acceleration(m, 2 * _C, now) + bz
-    gx, gy = poly.acceleration(m, 0, ahead) + bx, poly.acceleration(m, _C, ahead) + by
-    gz = poly.acceleration(m, 2 * _C, ahead) + bz
-    moving = 1.0 if t - state[S_BEGUN] + params[pp.RATE_LAG] < duration else 0.0
-    jx, jy, jz = moving * poly.jerk(m, 0, ahead), moving * poly.jerk(m, _C, ahead), moving * poly.jerk(m, 2 * _C, ahead)
-    # Thrust does not turn the vehicle, so its feedback stays to the end; overdue, it presses on at the impact speed.
-    late = max(0.0, -left)
-    kp, kv = params[pp.TRACK_KP], params[pp.TRACK_KV]
-    v1x, v1y, v1z = poly.velocity(m, 0, now), poly.velocity(m, _C, now), poly.velocity(m, 2 * _C, now)
-    sx = kp * (poly.position(m, 0, now) + late * v1x - p[0]) + kv * (v1x - v[0]) + drag * v[0]
-    sy = kp * (poly.position(m, _C, now) + late * v1y - p[1]) + kv * (v1y - v[1]) + drag * v[1]
-    sz = kp * (poly.position(m, 2 * _C, now) + late * v1z - p[2]) + kv * (v1z - v[2]) + drag * v[2] + g
-    if left > 0.0:
-        sx, sy = sx + poly.acceleration(m, 0, soon), sy + poly.acceleration(m, _C, soon)
-        sz += poly.acceleration(m, 2 * _C, soon)
-    zx, zy, zz = body_z(q)
-    thrust = sx * zx + sy * zy + sz * zz
-    yaw_rate = face(q, p, platform, params) if left > 0.5 else 0.0
-    gain = state[S_GAIN + G_GAIN]
-    if left < params[pp.TOUCH_FROM]:
-        given = gain * state[S_GAIN + G_LAGGED]
-        thrust = touch_thrust(p, v, zx, zy, zz, platform, state[S_ACCELERATION], left, thrust, given, gain, params)
-    track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
-    before, below, radius = state[S_ASKED : S_ASKED + 2], params[pp.ROBOT_L], params[pp.ROBOT_R]
-    touch_rates(p, v, q, platform, before, params[pp.TOUCH_LEAN], below, radius, params[pp.RATE_MAX], out)
-
-
-@njit
 def planner_step(state, t, p, v, q, platform, estimate, future, step, params, out):
     """One control tick of one vehicle. Returns the phase (HOLD: not engaged, the command is a hover).
 
@@ -308,7 +262,7 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
     zx, zy, zz = body_z(q)
     gain = gain_update(
         state[S_GAIN : S_GAIN + GAIN_DIM], v[0], v[1], v[2], zx, zy, zz, state[S_ASKED + 3], t - state[S_LAST],
-        params[pp.THRUST_LAG] + _WAIT, params[pp.DRAG], params[pp.GRAVITY],
+        params[pp.THRUST_LAG] + WAIT, params[pp.DRAG], params[pp.GRAVITY],
     )  # fmt: skip
     state[S_LAST] = t
     _decide(state, t, p, v, q, platform, estimate, future, step, params)
@@ -327,7 +281,12 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
     elif phase == GLIDE:
         _glide(state, t, p, v, q, platform, estimate[E_AGE], params, out)
     else:
-        _fly_motion(state, t, p, v, q, platform, params, out)
+        motion, begun, contact = state[S_MOTION : S_MOTION + MOTION_DIM], state[S_BEGUN], state[S_CONTACT]
+        given, before = gain * state[S_GAIN + G_LAGGED], state[S_ASKED : S_ASKED + 2]
+        fly_motion(
+            motion, t - begun, contact - begun, contact - t, p, v, q, platform, state[S_ACCELERATION], gain, given,
+            before, params, out,
+        )  # fmt: skip
     state[S_ASKED : S_ASKED + 4] = out
     return phase
 
