@@ -53,7 +53,7 @@ def run(
     seeds: Annotated[str | None, typer.Option(help="several: A..B, both included")] = None,
     rig: Annotated[str, typer.Option(help="a rig's name or a path to a .toml")] = "sim",
     policy: Annotated[
-        str | None, typer.Option(help="planner, planner-analytic or an .onnx [default: the rig's]")
+        str | None, typer.Option(help="vision, planner, planner-analytic or an .onnx [default: the rig's]")
     ] = None,
     camera: Annotated[
         Literal["pictures", "model"] | None,

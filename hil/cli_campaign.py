@@ -22,7 +22,8 @@ USAGE, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
 def campaign(
     scenarios: Annotated[list[str] | None, typer.Argument(help="names or .toml files [default: all published]")] = None,
     policy: Annotated[
-        list[str] | None, typer.Option(help="repeat for several: the first is what the others are compared with")
+        list[str] | None,
+        typer.Option(help="repeat for several: the first is what the others are compared with [default: the rig's]"),
     ] = None,
     seeds: Annotated[str, typer.Option(help="A..B, both included: the same for every policy")] = "0..9",
     rig: Annotated[str, typer.Option(help="a simulated rig: its name or a path to a .toml")] = "sim",
@@ -43,16 +44,16 @@ def campaign(
     from hil.campaign_grid import CampaignError, Grid, check, left_to_do
     from hil.cli import parse_seeds
     from hil.provenance import ProvenanceError, code
+    from hil.rig import load_rig
     from hil.runs import RunError
     from policies.contract import ContractError
     from scenarios.spec import list_scenarios
     from scenarios.toml_errors import ConfigError
 
     try:
-        grid = Grid(
-            tuple(scenarios or list_scenarios()), tuple(policy or ["planner"]), parse_seeds(None, seeds), rig, camera,
-            pictures, out,
-        )  # fmt: skip
+        policies = tuple(policy or [load_rig(rig).policy.kind])
+        flown = tuple(scenarios or list_scenarios())
+        grid = Grid(flown, policies, parse_seeds(None, seeds), rig, camera, pictures, out)
         wanted = check(grid)
     except (ConfigError, ContractError, ValueError) as error:
         raise _fail(str(error), USAGE) from None

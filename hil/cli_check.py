@@ -21,7 +21,7 @@ def register(app: typer.Typer) -> None:
 def check(
     what: Annotated[str | None, typer.Argument(help="preflight, postflight, or a path to a .toml of your own")] = None,
     rig: Annotated[str, typer.Option(help="a rig's name or a path to a .toml")] = "sim",
-    policy: Annotated[str | None, typer.Option(help="planner, planner-analytic or an .onnx")] = None,
+    policy: Annotated[str | None, typer.Option(help="vision, planner, planner-analytic or an .onnx")] = None,
     scenario: Annotated[str, typer.Option(help="what is to be flown: the go is for its class only")] = "simple-i",
     own: Annotated[Path | None, typer.Option("--list", help="another list (.toml) in place of the named one")] = None,
     record: Annotated[Path | None, typer.Option(help="record to begin or to go on with [default: in checks/]")] = None,

@@ -65,7 +65,9 @@ def train(
 
 
 def evaluate(
-    policy: Annotated[str, typer.Argument(help="an .onnx file, planner, planner-analytic or expert (with foresight)")],
+    policy: Annotated[
+        str, typer.Argument(help="vision, an .onnx file, planner, planner-analytic or expert (with foresight)")
+    ],
     episodes: Annotated[int, typer.Option(min=10, help="episodes at each point")] = 2000,
     stage: Annotated[
         Literal["state", "vision"] | None,

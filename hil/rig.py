@@ -138,9 +138,10 @@ class MocapSlot(_Section):
 
 
 class PolicySlot(_Section):
-    """What flies: `planner` or the path of an ONNX file with the house's contract."""
+    """What flies: `vision` (the network that comes with the project), `planner`, or the path of an ONNX file with the
+    house's contract."""
 
-    kind: str = "planner"
+    kind: str = "vision"
 
 
 class Rig(_Section):

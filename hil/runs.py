@@ -22,6 +22,7 @@ from typing import Any
 
 from hil import provenance
 from hil.provenance import ProvenanceError
+from policies.shipped import SHIPPED, policy_file
 
 MANIFEST, RECORDING, SCORE, PATCH = "manifest.json", "run.mcap", "score.json", "dirty.patch"
 FORMAT = 1
@@ -138,14 +139,17 @@ def new_run(
 
 
 def policy_identity(policy: str) -> dict[str, Any]:
-    """The manifest's `policy` table: a built-in's name, or a file's name, path and sha256.
+    """The manifest's `policy` table: its name; a network's sha256; the path of one that did not come with us.
 
     Raises ProvenanceError if it looks like a file and cannot be read.
     """
-    path = Path(policy)
-    if path.suffix or "/" in policy:
-        return {"name": path.name, "path": str(path.resolve()), "sha256": provenance.file_sha256(path)}
-    return {"name": policy}
+    file = policy_file(policy)
+    if file is None:
+        return {"name": policy}
+    sha256 = provenance.file_sha256(file)
+    if policy in SHIPPED:
+        return {"name": policy, "sha256": sha256}
+    return {"name": file.name, "path": str(file.resolve()), "sha256": sha256}
 
 
 def open_run(path: Path | str) -> Run:

@@ -7,6 +7,7 @@ not happen is None, never a number.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from hil.messages import BoardState, Contact, Detection, Sent, Stage
 from policies.contact import GROUND, INVALID, REASONS, TIMEOUT, WORKSPACE
 from scenarios.spec import Scenario
 
+_SELDOM = 0.1  # share of pictures that show the board below which a drone that never touches could not know better
 _NO_CONTACT = {REASONS[i] for i in (GROUND, WORKSPACE, TIMEOUT, INVALID)}
 
 
@@ -70,7 +72,8 @@ class Scorer:
         self._last_ns = 0
         self._speeds: dict[str, tuple[float, float]] = {}
         self._tilt: dict[str, float] = {}
-        self._looks: list[tuple[int, int, bool]] = []  # exposure, publication, found; from the attempt's start
+        # exposure, publication, found, if not, why; from the attempt's start
+        self._looks: list[tuple[int, int, bool, str]] = []
         self._sent = self._limited = 0
         self._tripped = ""
 
@@ -114,7 +117,7 @@ class Scorer:
 
     def _detection(self, now_ns: int, seen: Detection) -> None:
         if self._open(seen.stamp_ns):
-            self._looks.append((seen.stamp_ns, now_ns, seen.found))
+            self._looks.append((seen.stamp_ns, now_ns, seen.found, seen.reason))
 
     def _command(self, sent: Sent) -> None:
         if self._open(sent.stamp_ns):
@@ -154,6 +157,9 @@ class Scorer:
             reasons.append("the run ended before the referee decided")
         if self._tripped:
             reasons.append(f"gate: {self._tripped}")
+        if looks and not touched and len(found) < _SELDOM * len(looks):
+            (usual, _), *_ = Counter(look[3] for look in looks if not look[2]).most_common(1)
+            reasons.append(f"the board was found in {len(found)} of {len(looks)} pictures; mostly: {usual}")
         return Score(
             scenario=self._scenario.name,
             seed=self._seed,

@@ -16,8 +16,9 @@ from policies.env_config import EnvConfig
 from policies.env_planner import ANALYTIC, LEARNED, PlannerInEnv
 from policies.env_teacher import Teacher
 from policies.evaluate import Policy
+from policies.shipped import SHIPPED, policy_file
 
-NAMES = ("planner", "planner-analytic", "expert", "fast-perching", "fast-perching-ctrv")
+NAMES = (*SHIPPED, "planner", "planner-analytic", "expert", "fast-perching", "fast-perching-ctrv")
 
 
 class OnnxPolicy:
@@ -65,8 +66,9 @@ class Contender:
 
 
 def open_contender(name: str) -> Contender:
-    """`planner` (it predicts by a network), `planner-analytic`, `expert` (with foresight), `fast-perching` (which takes
-    the board to go straight on), `fast-perching-ctrv` (or to keep its turn rate), or an ONNX file's path.
+    """`vision` and `state` (the networks that come with the project), `planner` (it predicts by a network),
+    `planner-analytic`, `expert` (with foresight), `fast-perching` (which takes the board to go straight on),
+    `fast-perching-ctrv` (or to keep its turn rate), or an ONNX file's path.
 
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
     """
@@ -74,12 +76,13 @@ def open_contender(name: str) -> Contender:
         return Contender(name, FastPerching(turning=name.endswith("ctrv")), "state")
     if name == "expert":
         return Contender(name, Expert(), "vision")
-    if name in NAMES:
+    file = policy_file(name)
+    if file is None and name in NAMES:
         return Contender(name, PlannerInEnv(LEARNED if name == "planner" else ANALYTIC), "vision")
-    if Path(name).suffix != ".onnx":
+    if file is None or file.suffix != ".onnx":
         near = difflib.get_close_matches(name, NAMES, 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise ValueError(f"no policy '{name}': give {', '.join(NAMES)} or the path of an .onnx file{hint}")
-    made = OnnxPolicy(name)
+    made = OnnxPolicy(file)
     contract = made.contract
     return Contender(contract.name, made, contract.stage, contract.observation.stride, contract.airframe)

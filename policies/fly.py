@@ -11,6 +11,7 @@ import numpy as np
 from policies.contract import CameraContract, check_contract, open_policy
 from policies.observation import ObservationBuilder, action_from_command, command_from_action
 from policies.odometry import NOW_DIM, VehicleView, odometry_now
+from policies.shipped import SHIPPED, policy_file
 from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
 from vehicle.airframe import GRAVITY, Airframe
 from vehicle.rotations import body_z
@@ -60,11 +61,8 @@ class Command(NamedTuple):
 class FlyingPolicy(Protocol):
     """Anything that turns belief and odometry into commands, at ticks of 100 Hz.
 
-    `between_ticks`: it may be stepped at other times too, as soon as a picture has told something new.
+    It is stepped between ticks too, as soon as a picture has told something new, with the odometry of the last tick.
     """
-
-    @property
-    def between_ticks(self) -> bool: ...
 
     def reset(self, now_ns: int) -> None: ...
 
@@ -73,8 +71,6 @@ class FlyingPolicy(Protocol):
 
 class OnnxPolicy:
     """A trained network; it waits, not engaged, until the belief is valid, then flies to the end."""
-
-    between_ticks = False  # its history is one entry a tick
 
     def __init__(self, path: str | Path, airframe: Airframe, camera: CameraContract | None = None) -> None:
         """Raises ContractError if the file is missing, corrupt or made for something else."""
@@ -95,10 +91,13 @@ class OnnxPolicy:
         gain_reset(self._gain, GRAVITY)
         self._command[:] = 0.0, 0.0, 0.0, GRAVITY
         action_from_command(self._command, self._action)
-        self._engaged, self._last_ns = False, now_ns
+        self._engaged, self._last_ns, self._odometry_ns = False, now_ns, -1
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
-        """One control tick. Raises ValueError if the vehicle's estimate is not finite."""
+        """One control tick, or, with odometry that it has seen before, between two.
+
+        Raises ValueError if the vehicle's estimate is not finite.
+        """
         achieved = self._gain[G_GAIN] * self._gain[G_LAGGED]
         position, velocity, orientation = odometry_now(now_ns, vehicle, achieved, self._drag, self._now)
         gain = gain_update(
@@ -111,14 +110,14 @@ class OnnxPolicy:
             self._drag,
             GRAVITY,
         )
-        self._last_ns = now_ns
+        between, self._last_ns, self._odometry_ns = vehicle.stamp_ns == self._odometry_ns, now_ns, vehicle.stamp_ns
         self._engaged = self._engaged or board.valid
         if not self._engaged:
             return Command(False, (0.0, 0.0, 0.0), GRAVITY, "hold", gain)
         platform = np.array(
             [*board.position, board.heading, board.speed, board.turn_rate, board.inclination, 0.0], dtype=np.float64
         )
-        self._builder.push(now_ns, platform)
+        self._builder.push(now_ns, platform, between)
         observation = self._builder.build(now_ns, position, velocity, orientation, board.rho, self._action, gain)
         raw = self._session.run(None, {self._input: observation[None]})[0][0]
         self._action[:] = np.clip(raw.astype(np.float64), -1.0, 1.0)
@@ -128,7 +127,8 @@ class OnnxPolicy:
 
 
 def policy_factory(name: str, airframe: Airframe, camera: CameraContract | None = None) -> Callable[[], FlyingPolicy]:
-    """Makes the policy called `name`: `planner` (it predicts by a network), `planner-analytic`, or an ONNX file.
+    """Makes the policy called `name`: `planner` (it predicts by a network), `planner-analytic`, a shipped network
+    (`vision`, `state`), or an ONNX file.
 
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
     """
@@ -140,7 +140,9 @@ def policy_factory(name: str, airframe: Airframe, camera: CameraContract | None 
         from policies.planner_policy import PlannerPolicy
 
         return lambda: PlannerPolicy(airframe)
-    if Path(name).suffix != ".onnx":
-        raise ValueError(f"no policy {name!r}: use planner, planner-analytic, or the path of an .onnx file")
-    policy = OnnxPolicy(name, airframe, camera)
+    file = policy_file(name)
+    if file is None or file.suffix != ".onnx":
+        known = ", ".join((*SHIPPED, "planner", "planner-analytic"))
+        raise ValueError(f"no policy {name!r}: use {known}, or the path of an .onnx file")
+    policy = OnnxPolicy(file, airframe, camera)
     return lambda: policy

@@ -71,6 +71,15 @@ def push_history(platform, seconds, row):
 
 
 @njit
+def renew_history(platform, seconds, row):
+    """Put a platform row at time `seconds` in place of the newest one: what a picture told between control steps."""
+    if row[FILL] > 0.0:
+        write_entry(platform, seconds, row, RING_START + int(row[HEAD]) * ENTRY_DIM)
+    else:
+        push_history(platform, seconds, row)
+
+
+@njit
 def yaw_axes(q):
     """(cos, sin) of the drone's yaw, from the body y axis; `q` (4,) wxyz, world from body."""
     yx = 2.0 * (q[1] * q[2] - q[0] * q[3])
@@ -148,7 +157,7 @@ def action_from_command(command, out):
 
 
 class ObservationBuilder:
-    """The flight's side: belief and odometry in, observation out, once each control step."""
+    """The flight's side: belief and odometry in, observation out, at each control step and between two."""
 
     def __init__(self, stride: int) -> None:
         self._stride = stride
@@ -161,14 +170,17 @@ class ObservationBuilder:
         """Forget the history, as at the start of an attempt."""
         clear_history(self._row)
 
-    def push(self, now_ns: int, platform: np.ndarray) -> bool:
-        """Append this step's belief ((8,) platform row at `now_ns`); False and counted if it is not finite."""
+    def push(self, now_ns: int, platform: np.ndarray, between: bool = False) -> bool:
+        """Append this step's belief ((8,) platform row at `now_ns`); False and counted if it is not finite.
+
+        `between` two control steps it takes the newest one's place: the history keeps one entry a step.
+        """
         if not np.isfinite(platform).all():
             self.rejected += 1
             return False
         if self._row[FILL] == 0.0:
             self._epoch_ns = now_ns
-        push_history(platform, (now_ns - self._epoch_ns) * 1e-9, self._row)
+        (renew_history if between else push_history)(platform, (now_ns - self._epoch_ns) * 1e-9, self._row)
         return True
 
     def build(

@@ -42,8 +42,6 @@ def planner_params(airframe: Airframe) -> PlannerParams:
 class PlannerPolicy:
     """One planner; engages once the belief is valid and stays engaged."""
 
-    between_ticks = True
-
     def __init__(self, airframe: Airframe, params: PlannerParams | None = None) -> None:
         self._params = (params or planner_params(airframe)).row()
         self._state = np.zeros(PLANNER_DIM)

@@ -38,7 +38,11 @@ class DetectorSettings:
     max_rms: float = 1.5  # px, of several tags
     max_rms_single: float = 0.6  # px; four corners fit almost anything, so a lone tag must fit well
     ambiguity_rms: float = 1.0  # px, mirrored poses whose rms differ by less are both possible: ask the prior
-    clear_rms: float = 0.2  # px, the same where neither prior nor horizon can tell
+    # Where neither prior nor horizon can tell, the better pose is believed if the other one's rms is clear_rms (px)
+    # larger, or clear_ratio times as large; less than sharp_rms (px) is luck
+    clear_rms: float = 0.2
+    clear_ratio: float = 4.0
+    sharp_rms: float = 0.03
     search: SearchSettings = field(default_factory=SearchSettings)
 
 
@@ -201,7 +205,8 @@ class BoardDetector:
             if abs(float(level[1].R[:, 1] @ up)) - abs(float(level[0].R[:, 1] @ up)) > 0.05:
                 return level[0], False
         # Straight behind the board the mirrored one is level too; a silent detector there would stay silent for good
-        return best, min(fit.rms for fit in others) - best.rms < self.settings.clear_rms
+        s, other = self.settings, min(fit.rms for fit in others)
+        return best, other < min(best.rms + s.clear_rms, s.clear_ratio * max(best.rms, s.sharp_rms))
 
     @staticmethod
     def _sigmas(fit: PoseFit) -> tuple[float, float, float, float]:

@@ -28,6 +28,7 @@ from hil.check.terminal import Keyboard
 from hil.provenance import ProvenanceError
 from hil.rig import load_rig
 from policies.fly import policy_factory
+from policies.shipped import policy_file
 from scenarios.spec import load
 from scenarios.toml_errors import ConfigError
 from vehicle.airframe import load_airframe
@@ -115,7 +116,8 @@ def _context(wish: Wish) -> tuple[Context, dict[str, Any]]:
     rig, scenario = load_rig(wish.rig), load(wish.scenario)
     airframe = load_airframe(rig.vehicle.airframe)
     policy = wish.policy or rig.policy.kind
-    if Path(policy).suffix != ".onnx":  # what is wrong with a file is an item of the list
+    file = policy_file(policy)
+    if file is None or file.suffix != ".onnx":  # what is wrong with a file is an item of the list
         policy_factory(policy, airframe)
     context = Context(Path(wish.rig).stem, rig, policy, scenario, wish.out, wish.run, wish.endpoint, wish.keys)
     return context, subject(wish.rig, rig, policy, scenario)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 from hil.check.context import Context
 from hil.check.judge import Reading
 from hil.check.registry import NotApplicable, check
 from hil.provenance import ProvenanceError, file_sha256
 from policies.contract import CameraContract, ContractError, check_contract, open_policy
+from policies.shipped import policy_file
 
 _BUILT_IN = "the policy is built in: it has no file"
 
@@ -17,12 +17,13 @@ _BUILT_IN = "the policy is built in: it has no file"
 @check("policy.contract")
 def contract(context: Context) -> Reading:
     """The policy's contract against this program, the rig's airframe and camera, and the scenario."""
-    if not _is_file(context.policy):
+    file = policy_file(context.policy)
+    if file is None:
         raise NotApplicable(_BUILT_IN)
     mount = context.airframe.camera
     camera = CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg))
     try:
-        found = open_policy(context.policy)[1]
+        found = open_policy(file)[1]
         check_contract(found, airframe=context.airframe.name, camera=camera)
     except ContractError as error:
         return Reading("does not fit", str(error), context.policy, ok=False)
@@ -33,15 +34,12 @@ def contract(context: Context) -> Reading:
 @check("policy.hash")
 def digest(context: Context, *, sha256: str = "") -> Reading:
     """sha256 of the policy's file (its first 16 digits); `sha256` in the list demands a certain one."""
-    if not _is_file(context.policy):
+    file = policy_file(context.policy)
+    if file is None:
         raise NotApplicable(_BUILT_IN)
     try:
-        found = file_sha256(Path(context.policy))
+        found = file_sha256(file)
     except ProvenanceError as error:
         return Reading(None, str(error), context.policy, ok=False)
     same = not sha256 or found.startswith(sha256.lower())
     return Reading(found[:16], "" if same else f"the list wants {sha256}", context.policy, ok=same)
-
-
-def _is_file(policy: str) -> bool:
-    return bool(Path(policy).suffix) or "/" in policy

@@ -10,7 +10,7 @@ from policies.fly import FlyingPolicy
 class PolicyNode:
     """Steps a policy whenever a new belief arrives during the attempt; before that it does not exist.
 
-    A picture is not kept waiting for the next control tick, unless the policy can only step at ticks.
+    A picture is not kept waiting for the next control tick.
     """
 
     name = "policy"
@@ -28,8 +28,6 @@ class PolicyNode:
         odometry: VehicleState | None = inbox.latest("vehicle/odometry")
         stage: Stage | None = inbox.latest("run/stage")
         if belief is None or odometry is None or stage is None or stage.name != "attempt":
-            return []
-        if not (self._policy.between_ticks or inbox.new("vehicle/odometry")):
             return []
         if not self._started:
             self._policy.reset(now_ns)

@@ -102,6 +102,7 @@ def test_a_policy_file_is_named_by_its_content(tmp_path):
     path = tmp_path / "mine.onnx"
     path.write_bytes(b"weights")
     assert policy_identity("planner") == {"name": "planner"}
+    assert set(policy_identity("vision")) == {"name", "sha256"}  # no path: it comes with the project, wherever that is
     identity = policy_identity(str(path))
     assert identity["name"] == "mine.onnx"
     assert identity["sha256"] == hashlib.sha256(b"weights").hexdigest()

@@ -17,8 +17,8 @@ def board(stamp, speed):
     return BoardState(stamp, (0.0, 0.0, 1.5), (speed, 0.0, 0.0), tilt, 0.0, speed, 0.0)
 
 
-def detection(stamp, found=True):
-    return Detection(stamp, found, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), 0.01, 0.01, (0,), (), "", 0, 0)
+def detection(stamp, found=True, reason=""):
+    return Detection(stamp, found, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), 0.01, 0.01, (0,), (), reason, 0, 0)
 
 
 def contact(stamp, outcome="success", reason="", attached=True, within=True):
@@ -84,6 +84,14 @@ def test_without_contact_there_are_no_terminal_errors(reason):
     assert (m.x, m.y, m.planar, m.normal_alignment_deg, m.impact_normal, m.impact_tangential) == (None,) * 6
     assert m.duration == pytest.approx(3.0)
     assert score.reasons == (reason,)
+
+
+def test_a_board_that_pictures_hardly_told_is_a_reason():
+    messages = [m for m in flight(contact(CONTACT, "fail", "time", False, False)) if m[1] != "board/detection"]
+    stamps = range(START, CONTACT, 100_000_000)
+    looks = [(t, "board/detection", detection(t, k == 3, "" if k == 3 else "ambiguous")) for k, t in enumerate(stamps)]
+    score = score_messages(load("hard-i"), 0, sorted([*messages, *looks], key=lambda m: m[0]))
+    assert score.reasons == ("time", f"the board was found in 1 of {len(looks)} pictures; mostly: ambiguous")
 
 
 def test_the_first_verdict_stands():

@@ -132,6 +132,21 @@ def test_builder_gives_the_kernel_s_numbers():
         assert np.array_equal(builder.build(start_ns + 10_000_000 * i, p, v, q, 0.8, action, 1.05), out)
 
 
+def test_between_two_steps_the_newest_entry_is_renewed():
+    """What a picture told 6 ms after a step takes that step's place; the next step comes on top of it."""
+    start_ns, builder = 5_000_000_000, ObservationBuilder(stride=1)
+    p, q, action = np.zeros(3), quaternion(0.0, 0.0, 0.0), np.zeros(4)
+    times = []
+    for ms, between in ((0, True), (10, False), (16, True), (20, False)):  # the first of all has nothing to renew
+        now_ns = start_ns + ms * 1_000_000
+        assert builder.push(now_ns, PLATFORM + ms, between)
+        out = builder.build(now_ns, p, p, q, 1.0, action)
+        history = out[:TAIL].reshape(HISTORY, ENTRY_DIM)
+        assert history[-1, 0] == pytest.approx(PLATFORM[0] + ms)
+        times.append(sorted({round(float(1000 * t)) for t in history[:, 9]}))
+    assert times == [[0], [-10, 0], [-16, 0], [-20, -4, 0]]
+
+
 def test_bad_input():
     builder = ObservationBuilder(stride=1)
     p, q, a = np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros(4)

@@ -230,9 +230,24 @@ def test_mirrored_pose_is_settled_by_prior_or_by_up():
     assert d._choose(fits, (wrong.R, wrong.p), None) == (wrong, False)
     assert d._choose(fits, (R, p), None)[0] is not wrong
     # Neither prior nor horizon (straight behind, both boards are level): only a clear difference of the residuals tells
-    for other_rms, doubt in ((0.19, True), (0.21, False)):
-        rivals = [replace(fits[0], rms=0.0), replace(fits[1], rms=other_rms)]
+    for rms, other_rms, doubt in ((0.1, 0.29, True), (0.1, 0.31, False), (0.0, 0.11, True), (0.03, 0.13, False)):
+        rivals = [replace(fits[0], rms=rms), replace(fits[1], rms=other_rms)]
         assert d._choose(rivals, None, up)[1] is doubt
+
+
+def test_straight_behind_a_sharp_picture_tells_which_of_two_level_boards_it_is():
+    """As Simple-I's seed 207 begins: neither prior nor horizon can tell, and the drone hovers until something does."""
+    found = 0
+    for k in range(20):
+        vehicle, board = view(5.5 + 0.03 * k, -8.0)
+        R, _, up = board_in_camera(vehicle, board)
+        result = detector().detect(RENDERER.render(vehicle, board, 2_000_000, k), None, up)
+        if result.found:
+            found += 1
+            assert float(result.R[:, 2] @ R[:, 2]) > math.cos(math.radians(3.0))
+        else:
+            assert result.reason == "ambiguous"
+    assert found >= 10
 
 
 def test_mirrored_pose_is_settled_by_the_horizon():

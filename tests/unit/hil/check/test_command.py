@@ -257,7 +257,7 @@ class TestWithoutATerminal:
         [
             ({"rig": "simm"}, 'did you mean "sim"'),
             ({"scenario": "hard-1"}, 'did you mean "hard-i"'),
-            ({"policy": "plannr"}, "use planner"),
+            ({"policy": "plannr"}, "use vision"),
             ({"policy": "nowhere.onnx"}, "cannot be read"),
             ({"list_name": "prefligt"}, 'did you mean "preflight"'),
             ({"list_name": "nowhere.toml"}, "cannot be read"),
