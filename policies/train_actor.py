@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from policies.contract import CameraContract, Contract, ObservationContract, Provenance
@@ -42,7 +43,7 @@ def contract_for(env: EnvConfig, name: str, provenance: Provenance) -> Contract:
         stage=env.stage,  # type: ignore[arg-type]
         airframe=env.airframe,
         observation=ObservationContract(stride=env.stride),
-        camera=CameraContract(offset=mount.offset, tilt=round(mount.tilt_deg * 0.017453292519943295, 12)),
+        camera=CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg)),
         provenance=provenance,
         shift=shift,
         scale=scale,

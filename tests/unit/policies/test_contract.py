@@ -1,5 +1,7 @@
 """Contract: what is refused before take-off, each time in one clear line. Needs no torch."""
 
+import math
+
 import numpy as np
 import onnx
 import pytest
@@ -18,6 +20,8 @@ from policies.contract import (
     read_contract,
 )
 from policies.observation import OBS_DIM
+from policies.shipped import policy_file
+from vehicle.airframe import load_airframe
 
 CONTRACT = Contract(
     name="test", stage="vision", airframe="paper_quad", provenance=Provenance(recipe="r", seed=1, samples=2)
@@ -107,6 +111,17 @@ def test_mismatches_name_both_sides():
     old = CONTRACT.model_copy(update={"observation": ObservationContract(version=0)})
     with pytest.raises(ContractError, match="observation version 0, this flight has 1"):
         check_contract(old)
+
+
+def test_the_shipped_network_fits_the_rig_that_flies_it():
+    """Its tilt was written with 12 digits: rounding is no other camera."""
+    airframe = load_airframe("paper_quad")
+    mount = airframe.camera
+    camera = CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg))
+    found = open_policy(policy_file("vision"))[1]
+    check_contract(found, airframe="paper_quad", camera=camera, stage="vision")
+    with pytest.raises(ContractError, match="camera"):
+        check_contract(found, camera=camera.model_copy(update={"tilt": camera.tilt + 1e-6}))
 
 
 def test_size_must_match_the_promise(tmp_path):
