@@ -10,8 +10,9 @@ from policies.env_config import EnvConfig
 from policies.env_flight import EnvFlight
 from policies.fly import OnnxPolicy
 from policies.observation import action_from_command
+from policies.shipped import policy_file
 
-STATE = "policies/checkpoints/state.onnx"
+STATE = policy_file("state")
 
 
 CONFIG = EnvConfig(
