@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
-from policies.network_touch import aligned_action
+from policies.network_touch import aligned_action, flared_action
 from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_R, TAIL_V
 
 FUTURE = 15  # N of the paper
@@ -34,7 +34,7 @@ class NetworkConfig:
 
     `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
     right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
-    a vertical slope (`touch_attitude.py`).
+    a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`).
     """
 
     temporal: bool = True
@@ -160,7 +160,8 @@ class Actor(nn.Module):
             action = 0.5 * (action + reflected)
         if not self.config.aligned:
             return action
-        return aligned_action(observation[:, NEWEST:TAIL], observation[:, TAIL:], action, self.lean)
+        newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
+        return flared_action(newest, tail, aligned_action(newest, tail, action, self.lean), self.lean)
 
     def with_foresight(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """The mean action, and where the board will be ((B, 2 * len(FORESEEN)), m): a training aid."""

@@ -1,15 +1,52 @@
-"""`touch_attitude.touch_rates` in torch: part of an `aligned` network, and so of the file that it is exported to."""
+"""`touch_attitude.touch_rates`, then `late_flare.late_flare`, in torch: part of an `aligned` network and its file."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from policies.observation import RATE_MAX, TAIL_ACTION, TAIL_R, TAIL_V
+from policies.late_flare import ASIDE, CLOSING, LATEST, SHORTEST_TURN, WITHIN
+from policies.observation import RATE_MAX, TAIL_ACTION, TAIL_GAIN, TAIL_R, TAIL_V, THRUST_MAX
 from policies.touch_attitude import BAND, BESIDE, FACING, FROM, LAG, SHORTEST, SLOWEST
+from vehicle.airframe import GRAVITY
 
 BELOW, RADIUS = 0.04, 0.13  # m, the underside's disc as in the airframe paper_quad
 _TINY = 1e-9  # under the root: its slope stays finite
+
+
+class _Approach(NamedTuple):
+    """`touch.approach` of the body's centre, and what it takes; one column each, but for normal and axis (B, 3)."""
+
+    normal: Tensor
+    axis: Tensor  # body z
+    height: Tensor
+    beside: Tensor  # squared
+    closing: Tensor
+    cosine: Tensor
+
+
+def _approach(newest: Tensor, tail: Tensor) -> _Approach:
+    d, n = -newest[:, 0:3], newest[:, 3:6]
+    board_v = torch.cat([newest[:, 6:8], torch.zeros_like(newest[:, :1])], 1)
+    z = tail[:, [TAIL_R + 2, TAIL_R + 5, TAIL_R + 8]]
+    height = (d * n).sum(1, keepdim=True)
+    beside = (d * d).sum(1, keepdim=True) - height * height
+    closing = -((tail[:, TAIL_V : TAIL_V + 3] - board_v) * n).sum(1, keepdim=True)
+    return _Approach(n, z, height, beside, closing, (n * z).sum(1, keepdim=True))
+
+
+def _wanted_axis(n: Tensor, turn: Tensor, lean: Tensor) -> Tensor:
+    """`touch_attitude.wanted_axis`. The slope is the normal's horizontal part turned up."""
+    nx, ny, nz = n[:, 0:1], n[:, 1:2], n[:, 2:3]
+    up = torch.cat([-nx * nz, -ny * nz, nx * nx + ny * ny], 1)
+    return n + turn * torch.cat([-ny, nx, torch.zeros_like(nx)], 1) + lean * up
+
+
+def _in_body(off: Tensor, tail: Tensor) -> Tensor:
+    """Components (B, 2) along the body's x and y axes, the first two columns of R."""
+    return torch.stack([(off * tail[:, [TAIL_R + k, TAIL_R + 3 + k, TAIL_R + 6 + k]]).sum(1) for k in range(2)], 1)
 
 
 def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -> Tensor:
@@ -18,29 +55,36 @@ def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -
     `newest` (B, 10) history entry and `tail` (B, 18), both in the yaw frame; `action` (B, 4), clipped to [-1, 1] where
     it is corrected; `lean` (1,) rad up a vertical slope.
     """
-    d, n = -newest[:, 0:3], newest[:, 3:6]
-    ground = torch.zeros_like(newest[:, :1])
-    board_v = torch.cat([newest[:, 6:8], ground], 1)
-    z = tail[:, [TAIL_R + 2, TAIL_R + 5, TAIL_R + 8]]
-    height = (d * n).sum(1, keepdim=True)
-    beside = (d * d).sum(1, keepdim=True) - height * height
-    closing = -((tail[:, TAIL_V : TAIL_V + 3] - board_v) * n).sum(1, keepdim=True)
-    cosine = (n * z).sum(1, keepdim=True)
+    n, z, height, beside, closing, cosine = _approach(newest, tail)
     edge = BELOW * cosine + RADIUS * (1.0 - cosine * cosine).clamp(min=_TINY).sqrt()
     left = (height - edge) / closing.clamp(min=SLOWEST)
     near = (closing >= SLOWEST) & (cosine >= FACING) & (beside <= BESIDE * BESIDE) & (left <= FROM)
     left = left.clamp(min=0.0, max=FROM)
-    turn = newest[:, 8:9] * left
-    # The slope is the normal's horizontal part turned up: n = (-sin i, cos i) and u = (cos i, sin i) along the heading.
-    nx, ny, nz = n[:, 0:1], n[:, 1:2], n[:, 2:3]
-    up = torch.cat([-nx * nz, -ny * nz, nx * nx + ny * ny], 1)
-    wanted = n + turn * torch.cat([-ny, nx, ground], 1) + lean * up
-    off = torch.linalg.cross(z, wanted)
-    # Body x and y axes are the first two columns of R.
-    off = torch.stack([(off * tail[:, [TAIL_R + k, TAIL_R + 3 + k, TAIL_R + 6 + k]]).sum(1) for k in range(2)], 1)
+    wanted = _wanted_axis(n, newest[:, 8:9] * left, lean)
+    off = _in_body(torch.linalg.cross(z, wanted), tail)
     span = (left - LAG).clamp(min=SHORTEST)
     asked = action.clamp(-1.0, 1.0)
     then = off - RATE_MAX * (tail[:, TAIL_ACTION : TAIL_ACTION + 2] * LAG + asked[:, :2] * span)
     excess = then - then.clamp(-BAND, BAND)
     rates = (asked[:, :2] + excess / (span * RATE_MAX)).clamp(-1.0, 1.0)
     return torch.where(near, torch.cat([rates, asked[:, 2:]], 1), action)
+
+
+def flared_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -> Tensor:
+    """`late_flare` on what a network sees; arguments as of `aligned_action`."""
+    n, z, height, beside, closing, cosine = _approach(newest, tail)
+    height = height - BELOW - RADIUS * lean * (n[:, 0:1] * n[:, 0:1] + n[:, 1:2] * n[:, 1:2]).clamp(min=_TINY).sqrt()
+    strongest = THRUST_MAX * tail[:, TAIL_GAIN : TAIL_GAIN + 1]
+    stopping = closing * closing - 2.0 * height * (0.5 * strongest * (1.0 + cosine) - GRAVITY * n[:, 2:3])
+    left = 2.0 * height / (closing + stopping.clamp(min=_TINY).sqrt()).clamp(min=CLOSING)
+    near = (height > 0.0) & (closing >= CLOSING) & (cosine >= 0.0) & (beside <= ASIDE * ASIDE) & (stopping > 0.0)
+    left = left.clamp(min=0.0, max=WITHIN + 1.0)
+    wanted = _wanted_axis(n, newest[:, 8:9] * left, lean)
+    off = torch.linalg.cross(z, wanted)
+    sine = (off * off).sum(1, keepdim=True).clamp(min=_TINY).sqrt()
+    off = _in_body(off * torch.atan2(sine, (z * wanted).sum(1, keepdim=True)) / sine, tail)
+    span = (left - LAG).clamp(min=SHORTEST_TURN)
+    needed = (off - RATE_MAX * tail[:, TAIL_ACTION : TAIL_ACTION + 2] * LAG) / span
+    late = near & (left <= WITHIN) & ((needed * needed).sum(1, keepdim=True) > LATEST * LATEST)
+    rates = (needed / RATE_MAX).clamp(-1.0, 1.0)
+    return torch.where(late, torch.cat([rates, action[:, 2:]], 1), action)

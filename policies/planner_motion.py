@@ -5,6 +5,7 @@ from __future__ import annotations
 from kernel import njit
 from policies import planner_params as pp
 from policies import planner_polynomial as poly
+from policies.late_flare import late_flare
 from policies.planner_follow import face
 from policies.touch import touch_thrust
 from policies.touch_attitude import touch_rates
@@ -55,4 +56,6 @@ def fly_motion(m, since, duration, left, p, v, q, platform, acceleration, gain, 
         thrust = touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, thrust, given, gain, params)
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
     below, radius = params[pp.ROBOT_L], params[pp.ROBOT_R]
-    touch_rates(p, v, q, platform, before, params[pp.TOUCH_LEAN], below, radius, params[pp.RATE_MAX], out)
+    lean, limit = params[pp.TOUCH_LEAN], params[pp.RATE_MAX]
+    touch_rates(p, v, q, platform, before, lean, below, radius, limit, out)
+    late_flare(p, v, q, platform, before, gain * params[pp.THRUST_MAX], lean, below, radius, limit, out)

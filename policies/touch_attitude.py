@@ -27,6 +27,20 @@ FACING = 0.5  # cosine between body z and normal
 
 
 @njit
+def wanted_axis(platform, left, lean):
+    """Where body z is wanted in `left` s (3 floats, not normalised): on the board's normal of then, but for the lean.
+
+    `platform` (8,) the board now; `lean` rad up a vertical slope, less up others.
+    """
+    nx, ny, nz = board_normal(platform)
+    sine = math.sin(platform[6])
+    turn, lean = platform[5] * left, lean * sine
+    wx = nx - turn * ny + lean * nz * math.cos(platform[3])
+    wy = ny + turn * nx + lean * nz * math.sin(platform[3])
+    return wx, wy, nz + lean * sine
+
+
+@njit
 def touch_rates(p, v, q, platform, before, lean, below, radius, limit, out):
     """Correct the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust) for an aligned contact.
 
@@ -42,11 +56,7 @@ def touch_rates(p, v, q, platform, before, lean, below, radius, limit, out):
     if left > FROM:
         return
     left = max(0.0, left)
-    nx, ny, nz = board_normal(platform)
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    sine = math.sin(platform[6])
-    turn, lean = platform[5] * left, lean * sine
-    wx, wy, wz = nx - turn * ny + lean * nz * c, ny + turn * nx + lean * nz * s, nz + lean * sine
+    wx, wy, wz = wanted_axis(platform, left, lean)
     off = rotate_back(q, zy * wz - zz * wy, zz * wx - zx * wz, zx * wy - zy * wx)
     span = max(SHORTEST, left - LAG)
     for axis in range(2):
