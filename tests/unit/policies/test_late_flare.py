@@ -14,8 +14,15 @@ from groundcar.board_pose import board_normal
 from policies.late_flare import ASIDE, CLOSING, WITHIN, late_flare
 from policies.network_touch import BELOW, RADIUS, flared_action
 from policies.observation import (
-    NEWEST, OBS_DIM, RATE_MAX, TAIL, THRUST_MAX, build_observation, history_dim, push_history,
-)  # fmt: skip
+    NEWEST,
+    OBS_DIM,
+    RATE_MAX,
+    TAIL,
+    THRUST_MAX,
+    build_observation,
+    history_dim,
+    push_history,
+)
 from policies.touch_attitude import LAG
 from vehicle.airframe import GRAVITY
 from vehicle.rotations import body_z, integrate
@@ -83,7 +90,8 @@ def test_far_from_contact_nothing_changes(change):
 
 @given(
     st.floats(0.0, 1.4), st.floats(-0.2, 1.6), st.floats(-0.5, 0.5), st.floats(-0.02, 0.6), st.floats(0.0, 4.0),
-    st.floats(-1.2, 1.2), st.floats(-3.0, 3.0), st.floats(0.7, 1.4), st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
+    st.floats(-1.2, 1.2), st.floats(-3.0, 3.0), st.floats(0.7, 1.4),
+    st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
 )  # fmt: skip
 def test_kernel_and_network_say_the_same(inclination, lean, tilt, left, closing, turn, heading, gain, actions):
     platform, p, v, q = situation(inclination, lean, tilt, left, closing, turn=turn, heading=heading)
