@@ -158,7 +158,7 @@ class Scorer:
         if self._tripped:
             reasons.append(f"gate: {self._tripped}")
         if looks and not touched and len(found) < _SELDOM * len(looks):
-            (usual, _), *_ = Counter(look[3] for look in looks if not look[2]).most_common(1)
+            usual = Counter(look[3] for look in looks if not look[2]).most_common(1)[0][0]
             reasons.append(f"the board was found in {len(found)} of {len(looks)} pictures; mostly: {usual}")
         return Score(
             scenario=self._scenario.name,

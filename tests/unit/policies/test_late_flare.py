@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from touch_situation import situation
 
 from groundcar.board_pose import board_normal
-from policies.late_flare import ASIDE, CLOSING, WITHIN, late_flare
+from policies.late_flare import ASIDE, CLOSING, late_flare
 from policies.network_touch import BELOW, RADIUS, flared_action
 from policies.observation import (
     NEWEST,
@@ -79,10 +79,10 @@ def test_at_the_last_moment_it_turns_as_fast_as_it_may_and_yaw_and_thrust_stay()
 
 @pytest.mark.parametrize(
     "change",
-    [{"closing": CLOSING - 0.1}, {"beside": ASIDE + 0.1}, {"lean": 1.7}, {"left": WITHIN + 0.5}],
+    [{"closing": CLOSING - 0.1}, {"beside": ASIDE + 0.1}, {"lean": 1.7}, {"left": 0.6}],
     ids=str,
 )
-def test_far_from_contact_nothing_changes(change):
+def test_nothing_changes_for_who_is_slow_aside_turned_away_or_stops_before_it(change):
     late = {"inclination": STEEP, "lean": 1.2, "tilt": 0.0, "left": 0.15, "closing": 3.0}
     assert flared(*situation(**late), ASKED).tolist() != ASKED
     assert flared(*situation(**late | change), ASKED).tolist() == ASKED
