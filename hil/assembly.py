@@ -116,6 +116,7 @@ class Assembly:
         params = frame.params_row()
         params[af.MASS] *= drawn.mass_factor
         params[af.INERTIA : af.INERTIA + 3] *= drawn.inertia_factor
+        params[af.DRAG : af.DRAG + 3] *= drawn.drag_factor
         params[af.MOTOR_THRUST] *= drawn.mass_factor * drawn.thrust_to_weight_factor * drawn.thrust_gain
         wire = self._wires.vehicle_device()
         parameters = EXTERNAL_POSE_PARAMETERS if self._rig.vehicle.external_pose else None

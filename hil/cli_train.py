@@ -81,6 +81,9 @@ def evaluate(
     ] = False,
     time_limit: Annotated[float, typer.Option(min=1.0, max=60.0, help="seconds to perch in (the paper's: 5)")] = 5.0,
     motions: Annotated[bool, typer.Option("--motions", help="also the four trajectory families")] = False,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="also other vehicles, cameras and cars than it was made for")
+    ] = False,
     heatmap: Annotated[
         Path | None, typer.Option(help="also map speed x inclination: writes this .svg and a .csv beside it")
     ] = None,
@@ -96,7 +99,7 @@ def evaluate(
 
     if heatmap is not None and heatmap.suffix != ".svg":
         raise _fail(f"--heatmap {heatmap}: give a file that ends in .svg; the data goes beside it as .csv", USAGE)
-    request = Request(policy, episodes, stage, noise, hover, time_limit, motions, heatmap, seed)
+    request = Request(policy, episodes, stage, noise, hover, time_limit, motions, robust, heatmap, seed)
     try:
         found = evaluate_policy(request)
     except (ContractError, ValueError, FileNotFoundError) as error:

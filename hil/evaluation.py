@@ -1,4 +1,4 @@
-"""One evaluation of one policy, as the command line asks for it: rows, motions and map, with progress on stderr."""
+"""One evaluation of one policy, as the command line asks for it: tables and map, with progress on stderr."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from hil.policy_table import policy_data, policy_table
 from policies.contenders import open_contender
 from policies.env_config import TICK
 from policies.evaluate import POINTS, Row, evaluate, evaluation_seed
-from policies.evaluate_maps import HeatMap, heatmap, motions
+from policies.evaluate_maps import HeatMap, heatmap, motions, robustness
 
 _NOISE = {"paper": "the paper's noise", "measured": "our detector's measured noise (about a tenth of the paper's)"}
-_MOTION_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion and of a cell, of those of a point
+_CASE_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion or another vehicle and of a cell, of those of a point
 
 _FILE_WIDTH = 140  # characters, where the output is no terminal
 
@@ -34,6 +34,7 @@ class Request:
     hover: bool = False
     time_limit: float = 5.0
     motions: bool = False
+    robust: bool = False
     picture: Path | None = None
     seed: int = 0
 
@@ -47,6 +48,7 @@ class Evaluation:
     stage: str
     rows: list[Row]
     motion_rows: list[Row]
+    robust_rows: list[Row]
     map: HeatMap | None
 
     def conditions(self) -> str:
@@ -72,6 +74,7 @@ class Evaluation:
             "seed": asked.seed,
             "points": policy_data(self.rows, self.stage),
             "motions": policy_data(self.motion_rows, self.stage),
+            "robustness": policy_data(self.robust_rows, self.stage),
             "heatmap": found and {**vars(found), "picture": str(asked.picture)},
         }
 
@@ -83,10 +86,10 @@ class Evaluation:
         console.print(self.conditions(), highlight=False)
         title = f"{self.rows[0].episodes} episodes a point"
         console.print(policy_table(self.rows, self.stage, title, console.width))
-        if self.motion_rows:
-            episodes = self.motion_rows[0].episodes
-            title = f"motions, {episodes} episodes each"
-            console.print(policy_table(self.motion_rows, self.stage, title, console.width))
+        for what, rows in (("motions", self.motion_rows), ("other vehicles", self.robust_rows)):
+            if rows:
+                title = f"{what}, {rows[0].episodes} episodes each"
+                console.print(policy_table(rows, self.stage, title, console.width))
         if self.map is not None:
             picture = self.request.picture
             assert picture is not None
@@ -113,15 +116,19 @@ def evaluate_policy(request: Request) -> Evaluation:
     with _bar("points") as watch:
         rows = evaluate(policy, config, request.episodes, tuple(POINTS), noise, watch)
     motion_rows: list[Row] = []
+    robust_rows: list[Row] = []
+    episodes = max(10, round(_CASE_SHARE * request.episodes))
     if request.motions:
         with _bar("motions") as watch:
-            episodes = max(10, round(_MOTION_SHARE * request.episodes))
             motion_rows = motions(policy, config, episodes, noise=noise, watch=watch)
+    if request.robust:
+        with _bar("other vehicles") as watch:
+            robust_rows = robustness(policy, config, episodes, noise, watch)
     found = None
     if request.picture is not None:
         with _bar("map") as watch:
             found = heatmap(policy, config, max(10, round(_CELL_SHARE * request.episodes)), noise, watch)
-    evaluation = Evaluation(request, contender.name, config.stage, rows, motion_rows, found)
+    evaluation = Evaluation(request, contender.name, config.stage, rows, motion_rows, robust_rows, found)
     if found is not None and request.picture is not None:
         request.picture.parent.mkdir(parents=True, exist_ok=True)
         request.picture.write_text(found.svg(evaluation.conditions()))

@@ -14,7 +14,7 @@ C_TIME, C_KEPT, C_ROWS = 0, 1, 2
 COAST_DIM = C_ROWS + 8 * HORIZON
 
 _FRESH = 0.06  # s: a prediction made on an exposure this young is kept
-_GAP = 0.09  # s since the last exposure: from here on the kept prediction counts
+_GAP = 0.085  # s since the last exposure: from here on the kept prediction counts; between two control steps
 _LONGEST = 2.0  # s: an older prediction is worth no more than the filter's
 
 

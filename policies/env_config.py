@@ -20,11 +20,11 @@ LAWS = ("constant", "ou", "cosine", "steps")
  C_MASS, C_INERTIA, C_TWR, C_CAMERA_TILT, C_DET_LOW, C_DET_HIGH, C_LATENCY_LOW, C_LATENCY_HIGH, C_NOISE_LOW,
  C_NOISE_HIGH, C_COMMAND_LOW, C_COMMAND_HIGH, C_WIND, C_ODOMETRY, C_VISION, C_AUGMENTATION, C_RHO, C_WARM,
  C_WARM_LOW, C_WARM_HIGH, C_STRIDE, C_FUTURE_STRIDE, C_LIMIT, C_SUBSTEPS, C_GAIN, C_SWINGS, C_FRONTIER,
- C_NOISE_POWER) = (
+ C_NOISE_POWER, C_DRAG_LOW, C_DRAG_HIGH, C_MOTOR_LAG_LOW, C_MOTOR_LAG_HIGH, C_RATE_GAIN_LOW, C_RATE_GAIN_HIGH) = (
     0, 1, 2, 3, 4, 10, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37,
     38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51,
-    52, 53)  # fmt: skip
-CONFIG_DIM = 54
+    52, 53, 54, 55, 56, 57, 58, 59)  # fmt: skip
+CONFIG_DIM = 60
 
 Pair = tuple[float, float]
 
@@ -35,10 +35,12 @@ class EnvConfig:
 
     Start, domain randomisation and detector rate are the paper's (tables "Initialization parameters" and App. "Domain
     Randomization"). Beyond it, because the harness has them: `car_lag` (time constant of the car's answer, up to),
-    `latency` from exposure to a filter update, `command_delay` from action to motors (s), `wind` (mean, up to), and
-    `odometry_noise` (scale of 2 cm/s and 3 mrad one-sigma in what the policy knows of itself). `noise_scale` multiplies
-    the paper's visual noise; `noise_power` above 1 draws small scales more often (half below a quarter of the range at
-    2): our own detector's noise is a tenth of the paper's. `families`, `laws`: odds of each of FAMILIES and LAWS;
+    `latency` from exposure to a filter update, `command_delay` from action to motors (s), `wind` (mean, up to),
+    `odometry_noise` (scale of 2 cm/s and 3 mrad one-sigma in what the policy knows of itself), and factors of the
+    airframe's `drag` (the paper's equations have none), `motor_lag` and body rate loop (`rate_gain`).
+    `noise_scale` multiplies the paper's visual noise; `noise_power` above 1 draws small scales more often (half below a
+    quarter of the range at 2): our own detector's noise is a tenth of the paper's. `families`, `laws`: odds of each of
+    FAMILIES and LAWS;
     `swings`: share of all episodes over steep boards whose speed swings as in Hard-I, whatever the other ranges say;
     `frontier`: share of the others over boards that are hard by their speed, flat at 2.4 to 3.2 m/s or steep at 1.2 to
     2.5 m/s.
@@ -75,6 +77,9 @@ class EnvConfig:
     mass: float = 0.30
     inertia: float = 0.10
     thrust_to_weight: float = 0.15
+    drag: Pair = (0.0, 2.0)
+    motor_lag: Pair = (1.0, 1.0)
+    rate_gain: Pair = (1.0, 1.0)
     camera_tilt_deg: float = 5.0
     detector_hz: Pair = (20.0, 60.0)
     latency: Pair = (0.02, 0.045)
@@ -161,6 +166,9 @@ class EnvConfig:
                 self.swings,
                 self.frontier,
                 self.noise_power,
+                *self.drag,
+                *self.motor_lag,
+                *self.rate_gain,
             ],
             dtype=np.float64,
         )

@@ -33,7 +33,7 @@ from policies.observation import (
     write_entry,
     yaw_axes,
 )  # fmt: skip
-from policies.thrust_gain import gain_update
+from policies.thrust_and_drag import G_DRAG, gain_update
 from vehicle.airframe import DRAG, GRAVITY, MASS, MOTOR_LAG, MOTOR_THRUST
 from vehicle.dynamics import P, Q, V
 from vehicle.rotations import body_z, from_rotation_vector, multiply
@@ -85,15 +85,15 @@ def observe(rows, i, shared, rho):
     c, state, x = shared.config, rows.state[i], rows.scratch[i]
     odometry(rows, i)
     p, v, q = x[X_P : X_P + 3], x[X_V : X_V + 3], x[X_Q : X_Q + 4]
-    gain = 1.0
+    gain, drag = 1.0, shared.nominal[DRAG] / shared.nominal[MASS]
     if c[C_GAIN] > 0.0:
         zx, zy, zz = body_z(q)
-        lag, drag = shared.nominal[MOTOR_LAG] + 0.01, shared.nominal[DRAG] / shared.nominal[MASS]
-        asked = state[S_COMMAND + 3]
+        lag, asked = shared.nominal[MOTOR_LAG] + 0.01, state[S_COMMAND + 3]
         gain = gain_update(rows.gain[i], v[0], v[1], v[2], zx, zy, zz, asked, TICK, lag, drag, GRAVITY)
+        drag = rows.gain[i, G_DRAG]
     now = state[S_STEP] * TICK
     action = state[S_ACTION : S_ACTION + 4]
-    build_observation(rows.history[i], p, v, q, rho, action, gain, int(c[C_STRIDE]), now, rows.observation[i])
+    build_observation(rows.history[i], p, v, q, rho, action, gain, drag, int(c[C_STRIDE]), now, rows.observation[i])
     cos, sin = yaw_axes(q)
     stride, begin = int(c[C_FUTURE_STRIDE]), int(state[S_STEP])
     wanted = min(begin + FUTURE * stride, rows.track.shape[1] - 1)

@@ -41,7 +41,7 @@ from policies.planner_policy import planner_params
 from policies.prediction import HORIZON, STEP
 from policies.predictor import SCRATCH_DIM, load_predictor
 from policies.predictor_planner import MEMORY_DIM, planner_on_learned
-from policies.thrust_gain import GAIN_DIM
+from policies.thrust_and_drag import GAIN_DIM
 
 _TICKS = round(STEP / TICK)
 _LAG = 5  # control steps over which the true board's acceleration is taken

@@ -16,18 +16,24 @@ from policies.env_config import (
     C_DET_LOW,
     C_DISTANCE_HIGH,
     C_DISTANCE_LOW,
+    C_DRAG_HIGH,
+    C_DRAG_LOW,
     C_HEIGHT_HIGH,
     C_HEIGHT_LOW,
     C_INERTIA,
     C_LATENCY_HIGH,
     C_LATENCY_LOW,
     C_MASS,
+    C_MOTOR_LAG_HIGH,
+    C_MOTOR_LAG_LOW,
     C_NOISE_HIGH,
     C_NOISE_LOW,
     C_NOISE_POWER,
     C_ODOMETRY,
     C_RATE0_XY,
     C_RATE0_Z,
+    C_RATE_GAIN_HIGH,
+    C_RATE_GAIN_LOW,
     C_SUBSTEPS,
     C_TILT0,
     C_TWR,
@@ -69,8 +75,8 @@ from policies.observation import (
     action_from_command,
     clear_history,
 )  # fmt: skip
-from policies.thrust_gain import gain_reset, gain_update
-from vehicle.airframe import GRAVITY, INERTIA, MASS, MOTOR_THRUST
+from policies.thrust_and_drag import gain_reset, gain_update
+from vehicle.airframe import DRAG, GRAVITY, INERTIA, MASS, MOTOR_LAG, MOTOR_THRUST, RATE_K
 from vehicle.camera import TILT
 from vehicle.dynamics import COMMAND, HEADROOM_UP, MOTOR, ND, WIND, F, P, Q, V, W
 from vehicle.observation_noise import draw_bias
@@ -89,8 +95,13 @@ def _draw_vehicle(rows, i, shared):
     inertia = uniform(rng, 1.0 - c[C_INERTIA], 1.0 + c[C_INERTIA])
     params[MASS] *= mass
     params[MOTOR_THRUST] *= mass * uniform(rng, 1.0 - c[C_TWR], 1.0 + c[C_TWR])
+    drag = uniform(rng, c[C_DRAG_LOW], c[C_DRAG_HIGH])
+    gain = uniform(rng, c[C_RATE_GAIN_LOW], c[C_RATE_GAIN_HIGH])
     for k in range(3):
         params[INERTIA + k] *= inertia
+        params[DRAG + k] *= drag
+        params[RATE_K + k] *= gain
+    params[MOTOR_LAG] *= uniform(rng, c[C_MOTOR_LAG_LOW], c[C_MOTOR_LAG_HIGH])
     rows.camera[i] = shared.camera
     rows.camera[i, TILT] += uniform(rng, -c[C_CAMERA_TILT], c[C_CAMERA_TILT])
     state[S_PERIOD] = 1.0 / uniform(rng, c[C_DET_LOW], c[C_DET_HIGH])
@@ -138,12 +149,12 @@ def _place(rows, i, shared, platform, calm):
 def _watch(rows, i, shared, steps):
     """Hover for `steps` control steps and look, from step 0. True if the filter then knows the board."""
     state = rows.state[i]
-    hover = GRAVITY / true_gain(rows, i, shared)
+    hover, drag = GRAVITY / true_gain(rows, i, shared), shared.nominal[DRAG] / shared.nominal[MASS]
     for k in range(steps + 1):
         state[S_STEP] = k
         perceive(rows, i, shared, rows.track[i, k], latency_now(rows, i) if k > 0 or steps > 0 else 0.0)
         if k < steps:
-            gain_update(rows.gain[i], 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, hover, TICK, 0.045, 0.0, GRAVITY)
+            gain_update(rows.gain[i], 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, hover, TICK, 0.045, drag, GRAVITY)
     now = state[S_STEP] * TICK
     return steps == 0 or shared.config[C_VISION] == 0.0 or belief_valid(rows.belief[i], now, shared.belief)
 

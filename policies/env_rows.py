@@ -14,7 +14,7 @@ from policies.env_config import TICK, EnvConfig
 from policies.env_motion import MOTION_DIM
 from policies.observation import ENTRY_DIM, OBS_DIM, history_dim
 from policies.reward import TERMS_DIM
-from policies.thrust_gain import GAIN_DIM
+from policies.thrust_and_drag import GAIN_DIM
 from vehicle.airframe import NP
 from vehicle.camera import CAM_DIM
 from vehicle.dynamics import ND

@@ -15,7 +15,7 @@ from policies.env_rows import S_STEP
 from policies.observation import action_from_command
 from policies.planner_params import PlannerParams
 from policies.prediction import CTRV_ACCELERATION, HORIZON, STEP, predict_future
-from policies.thrust_gain import G_GAIN
+from policies.thrust_and_drag import G_GAIN
 
 _TICKS = round(STEP / TICK)
 _WORK = 76

@@ -7,8 +7,9 @@ more often than slow ones. What is evaluated on is kept out of what is learnt an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -153,6 +154,22 @@ def part(watch: Watch | None, index: int, count: int) -> Watch | None:
     return None if watch is None else lambda share: watch((index + share) / count)
 
 
+def fly_cases(
+    policy: Policy,
+    config: EnvConfig,
+    cases: Mapping[str, Mapping[str, Any]],
+    noise: str = "paper",
+    watch: Watch | None = None,
+    each: int = 1,
+) -> list[Row]:
+    """A table: a line for each of `cases`, which are changes of `config`; `each` episodes of every row of it."""
+    rows = []
+    for k, (name, changes) in enumerate(cases.items()):
+        ended = run_episodes(policy, replace(config, **changes), each, noise, part(watch, k, len(cases)))
+        rows.append(summarise(name, ended))
+    return rows
+
+
 def evaluate(
     policy: Policy,
     config: EnvConfig,
@@ -163,13 +180,8 @@ def evaluate(
 ) -> list[Row]:
     """The table: `episodes` or a few more at each of `points`, on `config`'s stage, seed and randomisation."""
     each = 4 if episodes >= 1000 else 1
-    count = math.ceil(episodes / each)
-    rows = []
-    for k, name in enumerate(points):
-        settings = replace(config, count=count, **POINTS[name])
-        ended = run_episodes(policy, settings, each, noise, part(watch, k, len(points)))
-        rows.append(summarise(name, ended))
-    return rows
+    config = replace(config, count=math.ceil(episodes / each))
+    return fly_cases(policy, config, {name: POINTS[name] for name in points}, noise, watch, each)
 
 
 def as_data(rows: list[Row]) -> list[dict]:

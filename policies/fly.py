@@ -12,7 +12,7 @@ from policies.contract import CameraContract, check_contract, open_policy
 from policies.observation import ObservationBuilder, action_from_command, command_from_action
 from policies.odometry import NOW_DIM, VehicleView, odometry_now
 from policies.shipped import SHIPPED, policy_file
-from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
+from policies.thrust_and_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
 from vehicle.airframe import GRAVITY, Airframe
 from vehicle.rotations import body_z
 
@@ -99,7 +99,7 @@ class OnnxPolicy:
         Raises ValueError if the vehicle's estimate is not finite.
         """
         achieved = self._gain[G_GAIN] * self._gain[G_LAGGED]
-        position, velocity, orientation = odometry_now(now_ns, vehicle, achieved, self._drag, self._now)
+        position, velocity, orientation = odometry_now(now_ns, vehicle, achieved, self._gain[G_DRAG], self._now)
         gain = gain_update(
             self._gain,
             *velocity,
@@ -118,7 +118,8 @@ class OnnxPolicy:
             [*board.position, board.heading, board.speed, board.turn_rate, board.inclination, 0.0], dtype=np.float64
         )
         self._builder.push(now_ns, platform, between)
-        observation = self._builder.build(now_ns, position, velocity, orientation, board.rho, self._action, gain)
+        drag = self._gain[G_DRAG]
+        observation = self._builder.build(now_ns, position, velocity, orientation, board.rho, self._action, gain, drag)
         raw = self._session.run(None, {self._input: observation[None]})[0][0]
         self._action[:] = np.clip(raw.astype(np.float64), -1.0, 1.0)
         command_from_action(self._action, self._command)

@@ -17,15 +17,15 @@ from torch import Tensor, nn
 
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
 from policies.network_touch import aligned_action, flared_action
-from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_R, TAIL_V
+from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, TAIL_V, USUAL_DRAG
 
 FUTURE = 15  # N of the paper
 FORESEEN = (2, 5, 9, 14)  # which of them the trunk is asked to foretell while it imitates
 GEOMETRY_DIM = 17
-# Divisors by entry of [p_rel, normal, vx, vy, turn rate, t] and of [v, R, rho, action, gain].
+# Divisors by entry of [p_rel, normal, vx, vy, turn rate, t] and of [v, R, rho, action, gain, drag].
 ENTRY_SCALE = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 0.5)
-TAIL_SCALE = (2.0, 2.0, 1.0, *(1.0,) * 9, 1.0, *(1.0,) * 4, 0.15)
-TAIL_SHIFT = (0.0,) * (TAIL_DIM - 1) + (1.0,)
+TAIL_SCALE = (2.0, 2.0, 1.0, *(1.0,) * 9, 1.0, *(1.0,) * 4, 0.15, 0.15)
+TAIL_SHIFT = (0.0,) * TAIL_GAIN + (1.0, USUAL_DRAG)
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,14 @@ Everything is expressed in the drone's yaw frame (world turned about z so that t
 policy blind to where north is. Yaw is taken from the body y axis: that axis stays near the horizontal while the drone
 flares, where yaw from the body x axis would spin.
 
-Deviations from the paper, both part of the layout's version: the history may keep every `stride`-th control step, so
-that 30 entries span more than 0.3 s; one slot holds an online estimate of the thrust gain (achieved over asked).
+Deviations from the paper, part of the layout's version: the history may keep every `stride`-th control step, so that 30
+entries span more than 0.3 s; two slots hold what the drone found out about itself (policies/thrust_and_drag.py), its
+thrust gain (achieved over asked) and its drag (1/s).
 
 Layout of the OBS_DIM float32 numbers: HISTORY entries, oldest first, of
   [p_rel (3: board at that time minus drone now), outward normal (3), board velocity (2), turn rate, t - now],
-then v (3), R (9, row-major, world from body), rho, previous action (4: roll, pitch, yaw rate, thrust in [-1, 1]), gain.
+then v (3), R (9, row-major, world from body), rho, previous action (4: roll, pitch, yaw rate, thrust in [-1, 1]), gain,
+drag.
 """
 
 from __future__ import annotations
@@ -20,16 +22,17 @@ import numpy as np
 
 from kernel import njit
 
-LAYOUT_NAME, LAYOUT_VERSION = "perchrl-yaw", 1
+LAYOUT_NAME, LAYOUT_VERSION = "perchrl-yaw", 2
 
 HISTORY = 30  # H of the paper
 ENTRY_DIM = 10
-TAIL_V, TAIL_R, TAIL_RHO, TAIL_ACTION, TAIL_GAIN, TAIL_DIM = 0, 3, 12, 13, 17, 18
+TAIL_V, TAIL_R, TAIL_RHO, TAIL_ACTION, TAIL_GAIN, TAIL_DRAG, TAIL_DIM = 0, 3, 12, 13, 17, 18, 19
 TAIL = HISTORY * ENTRY_DIM  # index of the first entry after the history
 NEWEST = TAIL - ENTRY_DIM
 OBS_DIM = TAIL + TAIL_DIM
 
 THRUST_MIN, THRUST_MAX, RATE_MAX = 4.8, 14.8, 3.5  # m/s^2, m/s^2, rad/s (paper App. "Experimental Setup")
+USUAL_DRAG = 0.2  # 1/s, of an open frame of the paper's size
 
 # A history row: the ring's head and fill, then RING entries [x, y, z, normal (3), vx, vy, turn rate, time].
 HEAD, FILL, RING_START = 0, 1, 2
@@ -104,11 +107,11 @@ def relative_entry(entry, at, p, c, s, now, out, to):
 
 
 @njit
-def build_observation(row, p, v, q, rho, previous, gain, stride, now, out):
+def build_observation(row, p, v, q, rho, previous, gain, drag, stride, now, out):
     """Write the observation into `out` ((OBS_DIM,) float32).
 
     `row`: history row with at least one entry; `p`, `v` (3,), `q` (4,): the drone, world; `rho` reliability; `previous`
-    (4,) last action in [-1, 1]; `gain` thrust-gain estimate; `stride`: control steps between entries; `now`: s, the
+    (4,) last action in [-1, 1]; `gain`, `drag` (1/s) estimates; `stride`: control steps between entries; `now`: s, the
     epoch of `push_history`. Before the ring is full its oldest entry is repeated (its t says how old it really is).
     """
     c, s = yaw_axes(q)
@@ -135,7 +138,7 @@ def build_observation(row, p, v, q, rho, previous, gain, stride, now, out):
     out[t + TAIL_RHO] = rho
     for i in range(4):
         out[t + TAIL_ACTION + i] = previous[i]
-    out[t + TAIL_GAIN] = gain
+    out[t + TAIL_GAIN], out[t + TAIL_DRAG] = gain, drag
 
 
 @njit
@@ -192,6 +195,7 @@ class ObservationBuilder:
         rho: float,
         previous_action: np.ndarray,
         thrust_gain: float = 1.0,
+        drag: float = USUAL_DRAG,
     ) -> np.ndarray:
         """The observation ((OBS_DIM,) float32, overwritten by the next call). Frames and units: `build_observation`.
 
@@ -201,8 +205,20 @@ class ObservationBuilder:
             raise ValueError("observation asked for before any belief was pushed; call push() first")
         now = (now_ns - self._epoch_ns) * 1e-9
         build_observation(
-            self._row, position, velocity, orientation, rho, previous_action, thrust_gain, self._stride, now, self._out
+            self._row,
+            position,
+            velocity,
+            orientation,
+            rho,
+            previous_action,
+            thrust_gain,
+            drag,
+            self._stride,
+            now,
+            self._out,
         )
         if not np.isfinite(self._out).all():
-            raise ValueError("observation is not finite; the vehicle's odometry, rho or thrust gain is NaN or infinite")
+            raise ValueError(
+                "observation is not finite; the vehicle's odometry, rho, thrust gain or drag is NaN or infinite"
+            )
         return self._out

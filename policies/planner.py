@@ -27,7 +27,7 @@ from policies.speed_history import (
     fit_swing,
     history_push,
 )
-from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
+from policies.thrust_and_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
 from policies.touch_attitude import touch_rates
 from vehicle.rotations import body_z
 
@@ -46,7 +46,8 @@ S_PLATFORM = S_START + 9
 S_HISTORY = S_PLATFORM + 8
 S_FIT = S_HISTORY + HISTORY_DIM
 S_TARGET = S_FIT + FIT_DIM
-PLANNER_DIM = S_TARGET + 8
+S_OWN = S_TARGET + 8  # the parameters, with the drag that was found
+PLANNER_DIM = S_OWN + pp.COUNT
 
 # Indices of an estimate row: what the planner asks about the platform it is given.
 E_VALID, E_SIGMA, E_SPEED_SIGMA, E_AGE, E_STREAK, E_SURPRISE = 0, 1, 2, 3, 4, 5
@@ -265,6 +266,10 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
         params[pp.THRUST_LAG] + WAIT, params[pp.DRAG], params[pp.GRAVITY],
     )  # fmt: skip
     state[S_LAST] = t
+    own = state[S_OWN : S_OWN + pp.COUNT]
+    own[:] = params[: pp.COUNT]
+    own[pp.DRAG] = state[S_GAIN + G_DRAG]
+    params = own
     _decide(state, t, p, v, q, platform, estimate, future, step, params)
     phase = int(state[S_PHASE])
     if phase == HOLD:

@@ -22,9 +22,9 @@ from policies.planner import (
     planner_on_estimate,
     planner_reset,
 )
-from policies.planner_params import DRAG, PlannerParams
+from policies.planner_params import PlannerParams
 from policies.prediction import HORIZON, STEP
-from policies.thrust_gain import G_GAIN, G_LAGGED, GAIN_DIM
+from policies.thrust_and_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM
 from vehicle.airframe import Airframe
 
 
@@ -77,7 +77,7 @@ class PlannerPolicy:
         self._x[:3] = board.position
         self._x[3:] = board.heading, board.speed, board.turn_rate, board.inclination, board.acceleration
         gain = self._state[S_GAIN : S_GAIN + GAIN_DIM]
-        now = odometry_now(now_ns, vehicle, gain[G_GAIN] * gain[G_LAGGED], self._params[DRAG], self._now)
+        now = odometry_now(now_ns, vehicle, gain[G_GAIN] * gain[G_LAGGED], gain[G_DRAG], self._now)
         return (now_ns - self._origin_ns) * 1e-9, *now
 
     def _command(self, phase: int) -> Command:

@@ -42,6 +42,7 @@ class Drawn:
     inertia_factor: float
     thrust_to_weight_factor: float
     thrust_gain: float  # achieved over asked thrust, beyond what the factors explain
+    drag_factor: float
     camera_tilt_offset: float  # the mount's true tilt minus the nominal one, positive further down
     camera_tilt_error: float  # the calibrated tilt minus the true one: what the detector does not know
     # bias of the visual noise model (camera model only)
@@ -100,6 +101,7 @@ def draw(spec: Scenario, seed: int) -> Drawn:
         inertia_factor=factor("inertia", random.inertia),
         thrust_to_weight_factor=factor("thrust_to_weight", random.thrust_to_weight),
         thrust_gain=factor("thrust_gain", random.thrust_gain),
+        drag_factor=factor("drag", random.drag),
         camera_tilt_offset=between("camera_tilt", -tilt, tilt),
         camera_tilt_error=math.radians(random.camera_calibration_deg) * float(normal(own("camera_calibration"))),
         vision_position_bias=_gaussian(own("vision_position_bias"), random.vision_position_bias),

@@ -235,13 +235,15 @@ class Randomisation(Table):
     """What a seed varies: relative half-widths and half-widths of uniform draws (paper, domain randomisation).
 
     `camera_calibration_deg` is the one-sigma part of the mount's tilt that a calibration leaves unknown (0.5 deg is
-    0.02 m at 2 m, the paper's position bias); the biases are one-sigma and act where pictures are not rendered.
+    0.02 m at 2 m, the paper's position bias); the biases are one-sigma and act where pictures are not rendered. `drag`
+    is not the paper's, whose equations have none: nobody knows it of an airframe that was not towed.
     """
 
     mass: Annotated[Number, Field(ge=0, lt=1)] = 0.30
     inertia: Annotated[Number, Field(ge=0, lt=1)] = 0.10
     thrust_to_weight: Annotated[Number, Field(ge=0, lt=1)] = 0.15
     thrust_gain: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    drag: Annotated[Number, Field(ge=0, le=1)] = 1.0
     camera_tilt_deg: NotNegative = 5.0
     camera_calibration_deg: NotNegative = 0.5
     vision_position_bias: NotNegative = 0.02

@@ -17,7 +17,7 @@ from policies.env_rows import S_STEP, X_P, X_Q, X_V
 from policies.observation import action_from_command
 from policies.planner_follow import face
 from policies.planner_policy import planner_params
-from policies.thrust_gain import G_GAIN
+from policies.thrust_and_drag import G_GAIN
 from policies.tracking import track_force
 from vehicle.rotations import body_z
 

@@ -67,7 +67,18 @@ def test_evaluate_as_table_says_under_what_conditions():
 
 def test_evaluate_as_json_and_map(tmp_path):
     picture = tmp_path / "maps" / "map.svg"
-    asked = ["evaluate", STATE, "--episodes", "10", "--time-limit", "1", "--motions", "--heatmap", str(picture)]
+    asked = [
+        "evaluate",
+        STATE,
+        "--episodes",
+        "10",
+        "--time-limit",
+        "1",
+        "--motions",
+        "--robust",
+        "--heatmap",
+        str(picture),
+    ]
     result = runner.invoke(app, [*asked, "--json"])
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
@@ -75,6 +86,7 @@ def test_evaluate_as_json_and_map(tmp_path):
     t1 = found["points"][0]
     assert t1["name"] == "T1" and t1["episodes"] == 10 and t1["paper"]["success_percent"] == 99.92
     assert t1["interval_95"][0] <= t1["success"] <= t1["interval_95"][1]
+    assert len(found["robustness"]) == 21 and found["robustness"][0]["name"] == "T1, no drag"
     assert len(found["motions"]) == 24 and found["motions"][0]["paper"] is None
     assert picture.read_text().startswith("<svg")
     assert len(picture.with_suffix(".csv").read_text().splitlines()) == 73

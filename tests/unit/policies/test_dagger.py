@@ -7,6 +7,7 @@ import torch
 from policies.dagger import Dagger, DaggerConfig, Replay
 from policies.env_config import EnvConfig
 from policies.network import NetworkConfig
+from policies.observation import OBS_DIM
 from policies.train_io import TrainingError
 
 torch.set_num_threads(1)
@@ -48,7 +49,7 @@ def test_resume_gives_the_same_curve(mirrored):
 def test_replay_keeps_the_newest():
     replay = Replay(6)
     for k in range(4):
-        replay.add(np.full((2, 318), k), np.full((2, 4), k), np.full(2, k), np.full((2, 8), k))
+        replay.add(np.full((2, OBS_DIM), k), np.full((2, 4), k), np.full(2, k), np.full((2, 8), k))
     assert replay.filled == 6
     assert sorted(replay.label[:, 0].tolist()) == [1, 1, 2, 2, 3, 3]
 

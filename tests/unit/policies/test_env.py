@@ -26,7 +26,8 @@ from policies.env_rows import (
     S_VISIBLE,
 )
 from policies.env_teacher import Teacher
-from policies.observation import NEWEST, TAIL, TAIL_GAIN, ObservationBuilder
+from policies.observation import NEWEST, TAIL, TAIL_DRAG, TAIL_GAIN, USUAL_DRAG, ObservationBuilder
+from vehicle.airframe import DRAG, MASS, MOTOR_LAG, RATE_K
 from vehicle.dynamics import P, Q, V
 
 QUIET = {"odometry_noise": 0.0}
@@ -118,6 +119,16 @@ def test_hovering_start_knows_the_board_s_speed_and_the_thrust_gain():
     assert np.median(np.abs(env.rows.believed[:, 4] - truth[:, 4])) < 0.15
     true = env.rows.params[:, 9] / env.rows.params[:, 0] / (env.shared.nominal[9] / env.shared.nominal[0])
     assert np.abs(env.rows.observation[:, TAIL + TAIL_GAIN] - true).max() < 0.05
+    assert env.rows.observation[:, TAIL + TAIL_DRAG] == pytest.approx(USUAL_DRAG, abs=0.01)  # hovering does not show it
+
+
+def test_the_airframe_is_drawn_anew_for_every_episode():
+    ranges = {"drag": (0.0, 2.0), "motor_lag": (0.5, 1.5), "rate_gain": (0.6, 1.4)}
+    env = Env(EnvConfig(count=512, seed=6, **ranges))
+    env.reset()
+    for index, (low, high) in ((DRAG, ranges["drag"]), (MOTOR_LAG, ranges["motor_lag"]), (RATE_K, ranges["rate_gain"])):
+        factor = env.rows.params[:, index] / env.shared.nominal[index]
+        assert low <= factor.min() < low + 0.1 * (high - low) and high - 0.1 * (high - low) < factor.max() <= high
 
 
 def test_state_stage_shows_the_truth():
@@ -140,15 +151,14 @@ def test_flight_s_classes_give_the_training_s_numbers():
     env.reset()
     builder = ObservationBuilder(config.stride)
     previous = env.rows.state[0, 3:7].copy()
-    rows = env.rows
+    rows, usual = env.rows, env.shared.nominal[DRAG] / env.shared.nominal[MASS]
     for k in range(120):
         now_ns = round(rows.state[0, S_STEP] * TICK * 1e9)
         builder.push(now_ns, rows.believed[0])
         vehicle = rows.vehicle[0]
         rho = float(rows.observation[0, TAIL + 12])
-        built = builder.build(
-            now_ns, vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4], rho, previous, thrust_gain=1.0
-        )
+        own = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4]
+        built = builder.build(now_ns, *own, rho, previous, thrust_gain=1.0, drag=usual)
         assert built == pytest.approx(rows.observation[0], abs=2e-5)
         previous = actions(1, k)[0]
         env.step(previous[None])

@@ -15,7 +15,7 @@ from policies.observation import action_from_command
 from policies.planner import S_GAIN
 from policies.planner_policy import PlannerPolicy
 from policies.predictor_policy import LearnedPlannerPolicy
-from policies.thrust_gain import G_GAIN, GAIN_DIM, gain_reset
+from policies.thrust_and_drag import G_GAIN, GAIN_DIM, gain_reset
 from vehicle.airframe import GRAVITY
 
 NS = 1e9

@@ -1,10 +1,14 @@
 """The map of speed and inclination as data and picture, and the trajectory families."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from policies.env_config import FAMILIES, EnvConfig
 from policies.env_rows import S_FAMILY
-from policies.evaluate_maps import MOTIONS, HeatMap, heatmap, motions
+from policies.evaluate import POINTS
+from policies.evaluate_maps import CAMERAS, MOTIONS, VEHICLES, HeatMap, heatmap, motions, robustness
 
 
 def fall(env):
@@ -40,3 +44,21 @@ def test_motions_are_the_four_families():
     rows = motions(noting, EnvConfig(odometry_noise=0.0), 4)
     assert drawn == set(MOTIONS)
     assert len(rows) == 4 * 2 * 3 and rows[0].name == "spline 1 m/s 0 deg"
+
+
+@pytest.mark.parametrize(("stage", "others"), [("state", VEHICLES), ("vision", {**VEHICLES, **CAMERAS})])
+def test_robustness_is_one_change_at_a_time_at_the_paper_s_points(stage, others):
+    seen = []
+
+    def noting(env):
+        if not seen or seen[-1] is not env.config:
+            seen.append(env.config)
+        return fall(env)
+
+    usual = EnvConfig(stage=stage, odometry_noise=0.0)
+    rows = robustness(noting, usual, 4)
+    assert [row.name for row in rows][:3] == ["T1, no drag", "T2, no drag", "T3, no drag"]
+    assert len(rows) == len(seen) == 3 * len(others)
+    for config, (name, change) in zip(seen[::3], others.items(), strict=True):
+        flown = replace(usual, count=4, **{**POINTS["T1"], **change})
+        assert config == flown, name

@@ -76,5 +76,5 @@ def test_actions_are_clipped(tmp_path):
     import onnxruntime
 
     session = onnxruntime.InferenceSession(str(tmp_path / "p.onnx"))
-    out = session.run(None, {"observation": np.zeros((3, 318), dtype=np.float32)})[0]
+    out = session.run(None, {"observation": np.zeros((3, OBS_DIM), dtype=np.float32)})[0]
     assert out.shape == (3, 4) and out.max() <= 1.0

@@ -103,7 +103,7 @@ def test_kernel_and_network_say_the_same(inclination, lean, tilt, left, closing,
     asked, before = np.array(actions[:4]), np.array(actions[4:])
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
     push_history(platform, 0.0, history)
-    build_observation(history, p, v, q, 1.0, before, 1.0, 1, 0.0, observation)
+    build_observation(history, p, v, q, 1.0, before, 1.0, 0.2, 1, 0.0, observation)
     seen = torch.from_numpy(observation).double()[None]
     got = aligned_action(seen[:, NEWEST:TAIL], seen[:, TAIL:], torch.tensor(asked)[None], torch.tensor([LEAN]))
     command = np.array([*(RATE_MAX * asked[:3]), asked[3]])
@@ -127,7 +127,7 @@ def test_an_aligned_actor_is_corrected_and_another_is_not():
     platform, p, v, q = situation(1.0, -0.3, 0.0, 0.08)
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
     push_history(platform, 0.0, history)
-    build_observation(history, p, v, q, 1.0, np.zeros(4), 1.0, 1, 0.0, observation)
+    build_observation(history, p, v, q, 1.0, np.zeros(4), 1.0, 0.2, 1, 0.0, observation)
     seen = torch.from_numpy(observation)[None]
     plain, aligned = Actor(NetworkConfig()), Actor(NetworkConfig(aligned=True, lean=LEAN))
     aligned.load_state_dict(aligned.state_dict() | plain.state_dict())

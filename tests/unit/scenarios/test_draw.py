@@ -52,6 +52,7 @@ def test_draws_stay_in_their_ranges(seed):
     assert 3.0 <= d.switch_time <= 4.0
     assert abs(d.mass_factor - 1) <= r.mass + 1e-12
     assert abs(d.thrust_to_weight_factor - 1) <= r.thrust_to_weight + 1e-12
+    assert abs(d.drag_factor - 1) <= r.drag <= 1
     assert abs(d.camera_tilt_offset) <= math.radians(5) + 1e-12
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kernel.random import normal, stream
-from policies import thrust_gain as tg
+from policies import thrust_and_drag as tg
 from vehicle.airframe import DRAG, MASS, MOTOR_LAG, MOTOR_THRUST, load_airframe
 from vehicle.dynamics import Q, V, vehicle_row
 from vehicle.rate_control import fly
@@ -13,33 +13,45 @@ from vehicle.rotations import body_z
 G = 9.80665
 
 
-def fly_and_estimate(gain, noise=0.0, seconds=1.5):
-    """Estimates after each tick while the real vehicle model flies about with a wrong thrust."""
+def fly_and_estimate(gain, noise=0.0, seconds=1.5, drag=1.0, speed=0.0):
+    """Gains and drags after each tick while the real vehicle model flies about with a wrong thrust and drag."""
     airframe = load_airframe("paper_quad")
     params = airframe.params_row()
+    usual = params[DRAG] / params[MASS]
     params[MOTOR_THRUST] *= gain
+    params[DRAG : DRAG + 3] = drag * params[DRAG]
     row, state, rng = vehicle_row((0, 0, 5), motor=airframe.hover_thrust), np.zeros(tg.GAIN_DIM), stream(3)
+    row[V] = speed
     tg.gain_reset(state, G)
-    drag = params[DRAG] / params[MASS]
     out = []
     for k in range(int(seconds * 100)):
         command = np.array([0.6 * math.sin(0.1 * k), 0.8 * math.cos(0.13 * k), 0.0, 10.0 + 2.0 * math.sin(0.2 * k)])
         fly(row, command, params, 0.01, 5)
         v = row[V : V + 3] + noise * np.array([normal(rng) for _ in range(3)])
         z = body_z(row[Q : Q + 4])
-        out.append(tg.gain_update(state, *v, *z, command[3], 0.01, params[MOTOR_LAG], drag, G))
-    return np.array(out)
+        found = tg.gain_update(state, *v, *z, command[3], 0.01, params[MOTOR_LAG], usual, G)
+        out.append((found, state[tg.G_DRAG]))
+    return np.array(out).T
 
 
 @pytest.mark.parametrize("gain", [0.85, 0.95, 1.0, 1.15])
 def test_the_gain_is_known_within_a_few_tenths_of_a_second(gain):
-    estimates = fly_and_estimate(gain)
+    estimates, _ = fly_and_estimate(gain)
     assert abs(estimates[40:] - gain).max() < 0.025
     assert abs(estimates[100:] - gain).max() < 0.015
 
 
 def test_odometry_noise_leaves_it_usable():
-    assert abs(fly_and_estimate(0.9, noise=0.02)[60:] - 0.9).max() < 0.05
+    assert abs(fly_and_estimate(0.9, noise=0.02)[0][60:] - 0.9).max() < 0.05
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.5, 1.0, 2.5])
+def test_the_drag_is_known_after_two_seconds_at_some_speed(factor):
+    _, found = fly_and_estimate(0.9, noise=0.02, seconds=3.0, drag=factor, speed=2.5)
+    nominal = load_airframe("paper_quad").params_row()
+    usual = nominal[DRAG] / nominal[MASS]
+    assert found[0] == pytest.approx(usual)
+    assert abs(found[200:] - factor * usual).max() < 0.06
 
 
 def test_a_tick_that_is_not_finite_or_has_no_duration_changes_nothing():
