@@ -37,7 +37,8 @@ class EnvConfig:
     Randomization"). Beyond it, because the harness has them: `car_lag` (time constant of the car's answer, up to),
     `latency` from exposure to a filter update, `command_delay` from action to motors (s), `wind` (mean, up to),
     `odometry_noise` (scale of 2 cm/s and 3 mrad one-sigma in what the policy knows of itself), and factors of the
-    airframe's `drag` (the paper's equations have none), `motor_lag` and body rate loop (`rate_gain`).
+    airframe's `drag` (the paper's equations have none: what is drawn below 0 is 0), `motor_lag` and body rate loop
+    (`rate_gain`).
     `noise_scale` multiplies the paper's visual noise; `noise_power` above 1 draws small scales more often (half below a
     quarter of the range at 2): our own detector's noise is a tenth of the paper's. `families`, `laws`: odds of each of
     FAMILIES and LAWS;

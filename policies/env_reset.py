@@ -95,7 +95,7 @@ def _draw_vehicle(rows, i, shared):
     inertia = uniform(rng, 1.0 - c[C_INERTIA], 1.0 + c[C_INERTIA])
     params[MASS] *= mass
     params[MOTOR_THRUST] *= mass * uniform(rng, 1.0 - c[C_TWR], 1.0 + c[C_TWR])
-    drag = uniform(rng, c[C_DRAG_LOW], c[C_DRAG_HIGH])
+    drag = max(0.0, uniform(rng, c[C_DRAG_LOW], c[C_DRAG_HIGH]))
     gain = uniform(rng, c[C_RATE_GAIN_LOW], c[C_RATE_GAIN_HIGH])
     for k in range(3):
         params[INERTIA + k] *= inertia

@@ -131,6 +131,13 @@ def test_the_airframe_is_drawn_anew_for_every_episode():
         assert low <= factor.min() < low + 0.1 * (high - low) and high - 0.1 * (high - low) < factor.max() <= high
 
 
+def test_a_range_of_drag_that_begins_below_0_has_a_share_of_episodes_without():
+    env = Env(EnvConfig(count=512, seed=6, drag=(-1.0, 3.0)))
+    env.reset()
+    drag = env.rows.params[:, DRAG]
+    assert drag.min() == 0.0 and (drag == 0.0).mean() == pytest.approx(0.25, abs=0.06)
+
+
 def test_state_stage_shows_the_truth():
     env = Env(EnvConfig(count=64, seed=7, **QUIET))
     env.reset()
