@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from policies.observation import HISTORY, LAYOUT_NAME, LAYOUT_VERSION, OBS_DIM, RATE_MAX, THRUST_MAX, THRUST_MIN
 
 METADATA_KEY = "perch_hil_contract"
+_RETRAIN = "; train it with this version of the project"
 CONTRACT_FORMAT = 1
 
 
@@ -146,7 +147,7 @@ def check_contract(
     """Raise ContractError, naming policy's and expected value, unless the policy fits this build and this flight."""
     here = ObservationContract(stride=contract.observation.stride)
     _same(contract, "observation layout", contract.observation.layout, here.layout)
-    _same(contract, "observation version", contract.observation.version, here.version)
+    _same(contract, "observation version", contract.observation.version, here.version, _RETRAIN)
     _same(contract, "observation history", contract.observation.history, here.history)
     _same(contract, "observation dimension", contract.observation.dimension, here.dimension)
     _same(contract, "action scaling", contract.action, ActionContract())
@@ -159,6 +160,6 @@ def check_contract(
         _same(contract, "camera", contract.camera, camera)
 
 
-def _same(contract: Contract, what: str, has: object, wanted: object) -> None:
+def _same(contract: Contract, what: str, has: object, wanted: object, mend: str = "") -> None:
     if has != wanted:
-        raise ContractError(f"policy '{contract.name}' was made for {what} {has}, this flight has {wanted}")
+        raise ContractError(f"policy '{contract.name}' was made for {what} {has}, this flight has {wanted}{mend}")
