@@ -66,7 +66,8 @@ STEEP: dict[str, float] = {
 class PlannerParams:
     """Limits, weights and rules of the planner. SI units, rad.
 
-    Vehicle: `drag` 1/s, expected until flight shows it; `thrust_*`, `rate_max` limits of what may be asked (paper App. "Experimental Setup");
+    Vehicle: `drag` 1/s, expected until flight shows it;
+    `thrust_*`, `rate_max` limits of what may be asked (paper App. "Experimental Setup");
     `rate_lag`, `thrust_lag` how far ahead rate and thrust are fed forward; camera tilt below body x and half field of
     view, vertical; `robot_l`, `robot_r` the disc of the contact criterion.
     Contact: `impact_speed` into the board along its normal and `skid` up its slope (tried beside 0) are planned. The
