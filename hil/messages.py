@@ -141,6 +141,7 @@ class Belief:
     variance: tuple[float, ...]  # diagonal of the covariance, in the filter's state order
     acceleration: float  # m/s^2, along the heading
     streak: int  # measurements accepted since the filter last (re)started
+    surface_sigma: float  # m, of the board's surface along its normal, at the newest accepted measurement
 
 
 @dataclass(frozen=True, slots=True)

@@ -247,6 +247,22 @@ def belief_covariance(row, t, params, x, p):
 
 
 @njit
+def surface_sigma(row):
+    """How well the board's surface was located when it was last seen: one sigma along its normal, m (at most 0.1).
+
+    It tells good detectors from poor ones, where the predicted covariance tells how long ago they last saw.
+    """
+    if row[B_STREAK] == 0.0:
+        return 0.1
+    sine, cosine = math.sin(row[B_X + 6]), math.cos(row[B_X + 6])
+    nx, ny, nz = -sine * math.cos(row[B_X + 3]), -sine * math.sin(row[B_X + 3]), cosine
+    p = row[B_P : B_P + 3 * N]
+    variance = nx * nx * p[0] + ny * ny * p[N + 1] + nz * nz * p[2 * N + 2]
+    variance += 2.0 * (nx * ny * p[1] + nx * nz * p[2] + ny * nz * p[N + 2])
+    return min(0.1, math.sqrt(max(0.0, variance)))
+
+
+@njit
 def belief_valid(row, t, params):
     """True once enough measurements were accepted since the last (re)start and the newest is not too old."""
     return row[B_STREAK] >= params[VALID_AFTER] and t - row[B_T] < params[MAX_AGE]
@@ -269,6 +285,7 @@ class BoardEstimate(NamedTuple):
     variance: tuple[float, ...]  # of the state, in its order, predicted to stamp_ns
     acceleration: float  # m/s^2, along the heading
     streak: int  # measurements accepted since the last (re)start
+    surface_sigma: float  # m, of the board's surface along its normal at the newest exposure
 
 
 class BoardFilter:
@@ -336,4 +353,5 @@ class BoardFilter:
             tuple(float(v) for v in self._p[:: N + 1]),
             float(self._x[7]),
             int(self.row[B_STREAK]),
+            float(surface_sigma(self.row)),
         )

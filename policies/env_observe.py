@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from kernel import njit
 from kernel.random import normal
+from policies.belief import surface_sigma
 from policies.env_config import (
+    C_AUGMENTATION,
     C_FUTURE_STRIDE,
     C_GAIN,
     C_STRIDE,
@@ -91,14 +93,16 @@ def observe(rows, i, shared, rho):
         lag, asked = shared.nominal[MOTOR_LAG] + 0.01, state[S_COMMAND + 3]
         gain = gain_update(rows.gain[i], v[0], v[1], v[2], zx, zy, zz, asked, TICK, lag, drag, GRAVITY)
         drag = rows.gain[i, G_DRAG]
+    seeing = c[C_VISION] > 0.0 and c[C_AUGMENTATION] > 0.0
+    sigma, stride = surface_sigma(rows.belief[i]) if seeing else 0.0, int(c[C_STRIDE])
     now = state[S_STEP] * TICK
     action = state[S_ACTION : S_ACTION + 4]
-    build_observation(rows.history[i], p, v, q, rho, action, gain, drag, int(c[C_STRIDE]), now, rows.observation[i])
+    build_observation(rows.history[i], p, v, q, rho, action, gain, drag, sigma, stride, now, rows.observation[i])
     cos, sin = yaw_axes(q)
-    stride, begin = int(c[C_FUTURE_STRIDE]), int(state[S_STEP])
-    wanted = min(begin + FUTURE * stride, rows.track.shape[1] - 1)
+    ahead, begin = int(c[C_FUTURE_STRIDE]), int(state[S_STEP])
+    wanted = min(begin + FUTURE * ahead, rows.track.shape[1] - 1)
     state[S_FILLED] = extend_track(rows.motion[i], rows.track[i], int(state[S_FILLED]), wanted, rows.rng[i])
     for k in range(FUTURE):
-        step = min(begin + (k + 1) * stride, rows.track.shape[1] - 1)
+        step = min(begin + (k + 1) * ahead, rows.track.shape[1] - 1)
         write_entry(rows.track[i, step], step * TICK, x, 0)
         relative_entry(x, 0, rows.vehicle[i], cos, sin, now, rows.future[i], k * ENTRY_DIM)

@@ -46,6 +46,8 @@ class BoardView(Protocol):
     def streak(self) -> int: ...
     @property
     def variance(self) -> tuple[float, ...]: ...
+    @property
+    def surface_sigma(self) -> float: ...
 
 
 class Command(NamedTuple):
@@ -119,7 +121,9 @@ class OnnxPolicy:
         )
         self._builder.push(now_ns, platform, between)
         drag = self._gain[G_DRAG]
-        observation = self._builder.build(now_ns, position, velocity, orientation, board.rho, self._action, gain, drag)
+        observation = self._builder.build(
+            now_ns, position, velocity, orientation, board.rho, self._action, gain, drag, board.surface_sigma
+        )
         raw = self._session.run(None, {self._input: observation[None]})[0][0]
         self._action[:] = np.clip(raw.astype(np.float64), -1.0, 1.0)
         command_from_action(self._action, self._command)

@@ -14,5 +14,5 @@ _AXES = (1.0, -1.0, 1.0)  # of a vector: forward, left, up
 _ENTRY = (*_AXES, *_AXES, 1.0, -1.0, -1.0, 1.0)
 _ROTATION = tuple(np.outer(_AXES, _AXES).ravel().tolist())
 ACTION_SIGNS = (-1.0, 1.0, -1.0, 1.0)  # body rates are an axial vector
-OBSERVATION_SIGNS = (*_ENTRY * HISTORY, *_AXES, *_ROTATION, 1.0, *ACTION_SIGNS, 1.0, 1.0)
+OBSERVATION_SIGNS = (*_ENTRY * HISTORY, *_AXES, *_ROTATION, 1.0, *ACTION_SIGNS, 1.0, 1.0, 1.0)
 """Times the observation (policies/observation.py), it is what a drone sees that flies the mirror image."""

@@ -22,10 +22,10 @@ from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAI
 FUTURE = 15  # N of the paper
 FORESEEN = (2, 5, 9, 14)  # which of them the trunk is asked to foretell while it imitates
 GEOMETRY_DIM = 17
-# Divisors by entry of [p_rel, normal, vx, vy, turn rate, t] and of [v, R, rho, action, gain, drag].
+# Divisors by entry of [p_rel, normal, vx, vy, turn rate, t] and of [v, R, rho, action, gain, drag, sigma].
 ENTRY_SCALE = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 0.5)
-TAIL_SCALE = (2.0, 2.0, 1.0, *(1.0,) * 9, 1.0, *(1.0,) * 4, 0.15, 0.15)
-TAIL_SHIFT = (0.0,) * TAIL_GAIN + (1.0, USUAL_DRAG)
+TAIL_SCALE = (2.0, 2.0, 1.0, *(1.0,) * 9, 1.0, *(1.0,) * 4, 0.15, 0.15, 0.02)
+TAIL_SHIFT = (0.0,) * TAIL_GAIN + (1.0, USUAL_DRAG, 0.0)
 
 
 @dataclass(frozen=True)

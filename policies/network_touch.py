@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from policies.late_flare import ASIDE, CLOSING, LATEST, SHORTEST_TURN, WITHIN
-from policies.observation import RATE_MAX, TAIL_ACTION, TAIL_GAIN, TAIL_R, TAIL_V, THRUST_MAX
-from policies.touch_attitude import BAND, BESIDE, FACING, FROM, LAG, SHORTEST, SLOWEST
+from policies.observation import RATE_MAX, TAIL_ACTION, TAIL_GAIN, TAIL_R, TAIL_SIGMA, TAIL_V, THRUST_MAX
+from policies.touch_attitude import BAND, BESIDE, FACING, FROM, LAG, MOST, SHORTEST, SLOWEST, UNSURE
 from vehicle.airframe import GRAVITY
 
 BELOW, RADIUS = 0.04, 0.13  # m, the underside's disc as in the airframe paper_quad
@@ -52,12 +52,13 @@ def _in_body(off: Tensor, tail: Tensor) -> Tensor:
 def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -> Tensor:
     """`touch_rates` on what a network sees.
 
-    `newest` (B, 10) history entry and `tail` (B, 18), both in the yaw frame; `action` (B, 4), clipped to [-1, 1] where
+    `newest` (B, 10) history entry and `tail` (B, 20), both in the yaw frame; `action` (B, 4), clipped to [-1, 1] where
     it is corrected; `lean` (1,) rad up a vertical slope.
     """
     n, z, height, beside, closing, cosine = _approach(newest, tail)
     edge = BELOW * cosine + RADIUS * (1.0 - cosine * cosine).clamp(min=_TINY).sqrt()
-    left = (height - edge) / closing.clamp(min=SLOWEST)
+    margin = (UNSURE * tail[:, TAIL_SIGMA : TAIL_SIGMA + 1]).clamp(max=MOST)
+    left = (height - edge - margin) / closing.clamp(min=SLOWEST)
     near = (closing >= SLOWEST) & (cosine >= FACING) & (beside <= BESIDE * BESIDE) & (left <= FROM)
     left = left.clamp(min=0.0, max=FROM)
     wanted = _wanted_axis(n, newest[:, 8:9] * left, lean)

@@ -6,12 +6,12 @@ flares, where yaw from the body x axis would spin.
 
 Deviations from the paper, part of the layout's version: the history may keep every `stride`-th control step, so that 30
 entries span more than 0.3 s; two slots hold what the drone found out about itself (policies/thrust_and_drag.py), its
-thrust gain (achieved over asked) and its drag (1/s).
+thrust gain (achieved over asked) and its drag (1/s); one how well the board is seen (belief.surface_sigma, m).
 
 Layout of the OBS_DIM float32 numbers: HISTORY entries, oldest first, of
   [p_rel (3: board at that time minus drone now), outward normal (3), board velocity (2), turn rate, t - now],
 then v (3), R (9, row-major, world from body), rho, previous action (4: roll, pitch, yaw rate, thrust in [-1, 1]), gain,
-drag.
+drag, surface sigma.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ import numpy as np
 
 from kernel import njit
 
-LAYOUT_NAME, LAYOUT_VERSION = "perchrl-yaw", 2
+LAYOUT_NAME, LAYOUT_VERSION = "perchrl-yaw", 3
 
 HISTORY = 30  # H of the paper
 ENTRY_DIM = 10
-TAIL_V, TAIL_R, TAIL_RHO, TAIL_ACTION, TAIL_GAIN, TAIL_DRAG, TAIL_DIM = 0, 3, 12, 13, 17, 18, 19
+TAIL_V, TAIL_R, TAIL_RHO, TAIL_ACTION, TAIL_GAIN, TAIL_DRAG, TAIL_SIGMA, TAIL_DIM = 0, 3, 12, 13, 17, 18, 19, 20
 TAIL = HISTORY * ENTRY_DIM  # index of the first entry after the history
 NEWEST = TAIL - ENTRY_DIM
 OBS_DIM = TAIL + TAIL_DIM
@@ -107,12 +107,13 @@ def relative_entry(entry, at, p, c, s, now, out, to):
 
 
 @njit
-def build_observation(row, p, v, q, rho, previous, gain, drag, stride, now, out):
+def build_observation(row, p, v, q, rho, previous, gain, drag, sigma, stride, now, out):
     """Write the observation into `out` ((OBS_DIM,) float32).
 
     `row`: history row with at least one entry; `p`, `v` (3,), `q` (4,): the drone, world; `rho` reliability; `previous`
-    (4,) last action in [-1, 1]; `gain`, `drag` (1/s) estimates; `stride`: control steps between entries; `now`: s, the
-    epoch of `push_history`. Before the ring is full its oldest entry is repeated (its t says how old it really is).
+    (4,) last action in [-1, 1]; `gain`, `drag` (1/s) estimates; `sigma` m of the board's surface; `stride`: control
+    steps between entries; `now`: s, the epoch of `push_history`. Before the ring is full its oldest entry is repeated
+    (its t says how old it really is).
     """
     c, s = yaw_axes(q)
     size = (row.shape[0] - RING_START) // ENTRY_DIM
@@ -138,7 +139,7 @@ def build_observation(row, p, v, q, rho, previous, gain, drag, stride, now, out)
     out[t + TAIL_RHO] = rho
     for i in range(4):
         out[t + TAIL_ACTION + i] = previous[i]
-    out[t + TAIL_GAIN], out[t + TAIL_DRAG] = gain, drag
+    out[t + TAIL_GAIN], out[t + TAIL_DRAG], out[t + TAIL_SIGMA] = gain, drag, sigma
 
 
 @njit
@@ -196,6 +197,7 @@ class ObservationBuilder:
         previous_action: np.ndarray,
         thrust_gain: float = 1.0,
         drag: float = USUAL_DRAG,
+        sigma: float = 0.0,
     ) -> np.ndarray:
         """The observation ((OBS_DIM,) float32, overwritten by the next call). Frames and units: `build_observation`.
 
@@ -213,12 +215,13 @@ class ObservationBuilder:
             previous_action,
             thrust_gain,
             drag,
+            sigma,
             self._stride,
             now,
             self._out,
         )
         if not np.isfinite(self._out).all():
             raise ValueError(
-                "observation is not finite; the vehicle's odometry, rho, thrust gain or drag is NaN or infinite"
+                "observation is not finite; the vehicle's odometry, rho, thrust gain, drag or sigma is NaN or infinite"
             )
         return self._out

@@ -10,12 +10,12 @@ import math
 
 from kernel import njit
 from policies import planner_params as pp
-from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
+from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid, surface_sigma
 from policies.belief_motion import N
 from policies.planner_follow import climb_away, follow, hold
 from policies.planner_glide import glide
 from policies.planner_motion import WAIT, fly_motion
-from policies.planner_runup import flare_gate, fly_runup, met_slow, runup_time
+from policies.planner_runup import flare_gate, fly_runup, met_slow, runs_up, runup_time
 from policies.planner_search import MOTION_DIM, search
 from policies.prediction import carry_swing, predict_swing
 from policies.speed_history import (
@@ -46,17 +46,18 @@ S_PLATFORM = S_START + 9
 S_HISTORY = S_PLATFORM + 8
 S_FIT = S_HISTORY + HISTORY_DIM
 S_TARGET = S_FIT + FIT_DIM
-S_OWN = S_TARGET + 8  # the parameters, with the drag that was found
+S_OWN = S_TARGET + 8  # the parameters, with the drag that was found and the impact speed for this belief
 PLANNER_DIM = S_OWN + pp.COUNT
 
 # Indices of an estimate row: what the planner asks about the platform it is given.
-E_VALID, E_SIGMA, E_SPEED_SIGMA, E_AGE, E_STREAK, E_SURPRISE = 0, 1, 2, 3, 4, 5
-ESTIMATE_DIM = 6
+E_VALID, E_SIGMA, E_SPEED_SIGMA, E_AGE, E_STREAK, E_SURPRISE, E_SURFACE = 0, 1, 2, 3, 4, 5, 6
+ESTIMATE_DIM = 7
 
 _FRESH = 0.12  # s, age of a belief whose speed is still worth remembering
 _NO_RETURN = 0.6  # s before contact, after which a perch is not given up
 _TILTED = math.radians(30.0)  # from this inclination on a board is not flat
 _WAVER = math.radians(3.0)  # more than that over the limit is not noise
+_FASTER = 0.3  # m/s, by which what is known badly is met faster at most
 _MANY, _FEW = 22, 10  # durations searched to begin a plan and to renew one
 
 
@@ -80,7 +81,7 @@ def planner_due(state, t):
 def certain(estimate):
     """Fill an estimate row for a platform that is known exactly."""
     estimate[E_VALID], estimate[E_SIGMA], estimate[E_SPEED_SIGMA], estimate[E_AGE], estimate[E_STREAK] = 1, 0, 0, 0, 1e9
-    estimate[E_SURPRISE] = 0
+    estimate[E_SURPRISE], estimate[E_SURFACE] = 0, 0
 
 
 @njit
@@ -92,6 +93,7 @@ def estimate_from_belief(row, t, params, x, p, estimate):
     estimate[E_SPEED_SIGMA] = math.sqrt(max(0.0, p[4 * (N + 1)]))
     estimate[E_AGE] = t - row[B_T]
     estimate[E_STREAK] = row[B_STREAK]
+    estimate[E_SURFACE] = surface_sigma(row)
 
 
 @njit
@@ -202,7 +204,7 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
                 low, high = max(0.3, gate + flare - 0.1), gate + flare + 0.4
                 if _plan(state, t, p, v, q, future, step, low, high, _FEW, 0.0, params[pp.RUN_COST], params):
                     phase = COMMIT
-        elif phase == FOLLOW and platform[6] >= params[pp.RUN_INCLINATION]:
+        elif phase == FOLLOW and runs_up(platform, params):
             straight = abs(platform[5]) < params[pp.RUN_TURN] * _slack(state, t, params)
             near = state[S_AWAY] < params[pp.RUN_AWAY] * _slack(state, t, params)
             share = params[pp.RUN_SWING] * _slack(state, t, params)
@@ -235,14 +237,15 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
 
 
 @njit
-def _glide(state, t, p, v, q, platform, age, params, out):
+def _glide(state, t, p, v, q, platform, estimate, params, out):
     """Fly the way down in sight; a miss is climbed away from."""
     gain, before = state[S_GAIN + G_GAIN], state[S_ASKED : S_ASKED + 2]
+    age, sigma = estimate[E_AGE], estimate[E_SURFACE]
     if glide(p, v, q, platform, state[S_ACCELERATION], age, gain, params, out):
         state[S_PHASE] = _leave(state, t, params)
         state[S_MISSES] += 1.0
     lean, below, radius = params[pp.TOUCH_LEAN], params[pp.ROBOT_L], params[pp.ROBOT_R]
-    touch_rates(p, v, q, platform, before, lean, below, radius, params[pp.RATE_MAX], out)
+    touch_rates(p, v, q, platform, before, sigma, lean, below, radius, params[pp.RATE_MAX], out)
 
 
 @njit
@@ -253,7 +256,7 @@ def planner_step(state, t, p, v, q, platform, estimate, future, step, params, ou
     `estimate` (ESTIMATE_DIM,); `future` (K, 8) at `step` s, whose first row is now: read only if `planner_due`;
     `params` row of PlannerParams; `out` (4,): body rate FLU (rad/s), collective thrust (m/s^2).
     """
-    if platform[6] >= params[pp.RUN_INCLINATION]:
+    if runs_up(platform, params):
         params = params[pp.COUNT :]
     return _step(state, t, p, v, q, platform, estimate, future, step, params, out)
 
@@ -269,12 +272,13 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
     own = state[S_OWN : S_OWN + pp.COUNT]
     own[:] = params[: pp.COUNT]
     own[pp.DRAG] = state[S_GAIN + G_DRAG]
+    own[pp.IMPACT_SPEED] += min(_FASTER, own[pp.IMPACT_UNSURE] * estimate[E_SURFACE])
     params = own
     _decide(state, t, p, v, q, platform, estimate, future, step, params)
     phase = int(state[S_PHASE])
     if phase == HOLD:
         hold(q, v, 0.3 if state[S_ENGAGED] >= 0.0 else 0.0, gain, params, out)
-    elif phase == RUN_UP or (phase == FOLLOW and platform[6] >= params[pp.RUN_INCLINATION]):
+    elif phase == RUN_UP or (phase == FOLLOW and runs_up(platform, params)):
         resting = phase == FOLLOW
         left = runup_time(platform[6], params) if resting else state[S_GATE] - t
         error, rate = fly_runup(left, resting, p, v, q, platform, state[S_ACCELERATION], gain, params, out)
@@ -284,13 +288,13 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
     elif phase == AROUND:
         climb_away(p, v, q, platform, gain, params, out)
     elif phase == GLIDE:
-        _glide(state, t, p, v, q, platform, estimate[E_AGE], params, out)
+        _glide(state, t, p, v, q, platform, estimate, params, out)
     else:
         motion, begun, contact = state[S_MOTION : S_MOTION + MOTION_DIM], state[S_BEGUN], state[S_CONTACT]
         given, before = gain * state[S_GAIN + G_LAGGED], state[S_ASKED : S_ASKED + 2]
         fly_motion(
             motion, t - begun, contact - begun, contact - t, p, v, q, platform, state[S_ACCELERATION], gain, given,
-            before, params, out,
+            before, estimate[E_SURFACE], params, out,
         )  # fmt: skip
     state[S_ASKED : S_ASKED + 4] = out
     return phase
@@ -303,7 +307,7 @@ def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, ou
     `x` (8,): platform row whose last entry is the acceleration (m/s^2), which decays in
     `predict_tau` s; corrected in place for what the board did since the last exposure.
     """
-    if x[6] >= params[pp.RUN_INCLINATION]:
+    if runs_up(x, params):
         params = params[pp.COUNT :]
     history, fit = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + FIT_DIM]
     if estimate[E_VALID] > 0.0 and estimate[E_AGE] < _FRESH:

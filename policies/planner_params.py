@@ -18,9 +18,9 @@ import numpy as np
     FOLLOW_KP, FOLLOW_KV, FOLLOW_SPEED, FOLLOW_TILT, FADE, TRACK_KP, TRACK_KV, ATTITUDE_K, YAW_K, YAW_RATE_MAX,
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
     TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT, LEAN, TOUCH_STEEP,
-    TOUCH_LEAN, GLIDE_INCLINATION,
-) = range(91)  # fmt: skip
-COUNT = 91
+    TOUCH_LEAN, GLIDE_INCLINATION, RUN_SLOW, TOUCH_UNSURE, TOUCH_MISS, IMPACT_UNSURE,
+) = range(95)  # fmt: skip
+COUNT = 95
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -59,6 +59,7 @@ STEEP: dict[str, float] = {
     "elevation": 0.244,
     "run_coast": 0.35,
     "touch_speed": 0.65,
+    "impact_unsure": 0.0,
 }
 
 
@@ -70,19 +71,23 @@ class PlannerParams:
     `thrust_*`, `rate_max` limits of what may be asked (paper App. "Experimental Setup");
     `rate_lag`, `thrust_lag` how far ahead rate and thrust are fed forward; camera tilt below body x and half field of
     view, vertical; `robot_l`, `robot_r` the disc of the contact criterion.
-    Contact: `impact_speed` into the board along its normal and `skid` up its slope (tried beside 0) are planned. The
-    plan ends `overshoot` behind the surface, so that a small error along the normal makes contact early rather than
-    never (negative: before it). A board whose speed changes is foretold worse, and late is worse than early where
-    gravity pulls along the slope: `overshoot_swing` (s^2) times its acceleration comes on top. At contact thrust leans
-    up the slope from the normal by `lean` rad (on boards of 30 deg and more; less on flatter ones): that takes
-    something off gravity's pull along the board, and with it off the skid of a contact too early or too late, for a
-    share of the tolerance in angle (negative: down the slope). `flatten` 0..1: on a flat board this share of the
-    terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. Less than `aim` s before
-    contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s thrust is chosen for the
+    Contact: `impact_speed` into the board along its normal (and `impact_unsure` 1/s times the surface's sigma more, off
+    run-ups: faster is less long under way when the surface is not where it is believed to be) and `skid` up its slope
+    (tried beside 0) are planned. The plan ends `overshoot` behind the surface, so that a small error along the normal
+    makes contact early rather than never (negative: before it). A board whose speed changes is foretold worse, and late
+    is worse than early where gravity pulls along the slope: `overshoot_swing` (s^2) times its acceleration comes on
+    top. At contact thrust leans up the slope from the normal by `lean` rad (on boards of 30 deg and more; less on
+    flatter ones): that takes something off gravity's pull along the board, and with it off the skid of a contact too
+    early or too late, for a share of the tolerance in angle (negative: down the slope). `flatten` 0..1: on a flat board
+    this share of the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. Less than
+    `aim` s before contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s thrust is
+    chosen for the
     contact that it leads to: speed into the board `touch_speed` (and `touch_steep` more on a vertical one, where what
     comes slowly has time to be pulled along) within `touch_band`, speed along it within `touch_skid`, no more than
-    `touch_early` or `touch_late` s off the plan; `touch_keep` weighs the change of thrust, which comes `touch_lag` s
-    late. Rates then see to an aligned contact, body z `touch_lean` rad up a vertical slope (`touch_attitude.py`).
+    `touch_early` or `touch_late` s off the plan. Half of that is judged with the surface where it is believed to be,
+    half with it `touch_unsure` of its sigmas nearer and farther, where not to touch at all costs `touch_miss`.
+    `touch_keep` weighs the change of thrust, which comes `touch_lag` s late. Rates then see to an aligned contact, body
+    z `touch_lean` rad up a vertical slope (`touch_attitude.py`).
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes
     without getting better. The board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A
@@ -97,11 +102,12 @@ class PlannerParams:
     foretelling by `relax_surprise`). `miss_after`: contact overdue; then
     `around_time` s of climbing away. Following: distance and elevation of the standoff, for steep and flat boards.
     Tracking: `fade` s before contact position feedback ends; gains; yaw is left alone within `yaw_near` m.
-    Run-up (from `run_inclination` on, where `steep` is also put over the other values): thrust and body rate of the
-    flare it leads to; its acceleration, the coast after it, the vertical acceleration (at most); gains; how near
-    (`run_away`) and how straight (`run_turn`) it begins; when before the flare's gate (`run_commit`) and below which
-    cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is slow: the speed foretold for
-    contact must be in the lowest `run_swing` of its range, which widens as other demands.
+    Run-up (from `run_inclination` on, `run_slow` more for a slow board; there `steep` is also put over the other
+    values): thrust and body rate of the flare it leads to; its acceleration, the coast after it, the vertical
+    acceleration (at most); gains; how near (`run_away`) and how straight (`run_turn`) it begins; when before the
+    flare's gate (`run_commit`) and below which cost (`run_cost`) the perch is planned. A board whose speed swings is
+    met while it is slow: the speed foretold for contact must be in the lowest `run_swing` of its range, which widens as
+    other demands.
     Glide: boards flatter than `glide_inclination` (0: none) are not planned for but approached in sight
     (`planner_glide.py`), unless they are known exactly.
     """
@@ -182,7 +188,7 @@ class PlannerParams:
     touch_from: float = 0.3
     touch_speed: float = 0.58
     touch_band: float = 0.4
-    touch_skid: float = 0.25
+    touch_skid: float = 0.33
     touch_early: float = 0.02
     touch_late: float = 0.04
     touch_keep: float = 0.0015
@@ -197,6 +203,10 @@ class PlannerParams:
     touch_steep: float = 0.2
     touch_lean: float = 0.1
     glide_inclination: float = math.radians(12.0)
+    run_slow: float = math.radians(6.0)
+    touch_unsure: float = 3.0
+    touch_miss: float = 9.0
+    impact_unsure: float = 10.0
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

@@ -13,6 +13,7 @@ from policies.planner import (
     E_SIGMA,
     E_SPEED_SIGMA,
     E_STREAK,
+    E_SURFACE,
     E_VALID,
     ESTIMATE_DIM,
     HOLD,
@@ -74,6 +75,7 @@ class PlannerPolicy:
         estimate[E_SPEED_SIGMA] = math.sqrt(max(0.0, variance[4]))
         estimate[E_AGE] = (now_ns - board.last_exposure_ns) * 1e-9
         estimate[E_STREAK] = board.streak
+        estimate[E_SURFACE] = board.surface_sigma
         self._x[:3] = board.position
         self._x[3:] = board.heading, board.speed, board.turn_rate, board.inclination, board.acceleration
         gain = self._state[S_GAIN : S_GAIN + GAIN_DIM]

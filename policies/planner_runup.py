@@ -18,7 +18,15 @@ from policies.planner_follow import command_acceleration, face, keep_in_view
 from policies.speed_history import history_range
 
 _LOOK_DOWN = math.radians(33.7)  # below the horizon the camera still sees the board where the run-up begins
+_CRAWL, _STRIDE = 0.5, 1.75  # m/s: a slow board, and one that is not
 _STEADY = 0.3  # m/s, a range of speeds that makes no moment better than another
+
+
+@njit
+def runs_up(platform, params):
+    """True for a board so steep for its speed that it takes a run-up: a slow one can be met from any side."""
+    slow = min(1.0, max(0.0, 1.0 - (abs(platform[4]) - _CRAWL) / (_STRIDE - _CRAWL)))
+    return platform[6] >= params[pp.RUN_INCLINATION] + params[pp.RUN_SLOW] * slow
 
 
 @njit

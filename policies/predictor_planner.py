@@ -17,6 +17,7 @@ from policies.planner import (
     planner_due,
     planner_step,
 )
+from policies.planner_runup import runs_up
 from policies.prediction import carry_swing, predict_swing
 from policies.predictor import G_DOUBT, predict_learned, predictor_push
 from policies.predictor import HISTORY_DIM as _COAST
@@ -41,7 +42,7 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
     Beyond its arguments: `memory` (MEMORY_DIM,), zeroed with the planner; `net` (predictor.NET_DIM,)
     float32, empty: the analytic prediction alone; `scratch` (predictor.SCRATCH_DIM,) float32.
     """
-    limits = params[pp.COUNT :] if x[6] >= params[pp.RUN_INCLINATION] else params
+    limits = params[pp.COUNT :] if runs_up(x, params) else params
     history, fit, coast = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + FIT_DIM], memory[_COAST:]
     age, learned = estimate[E_AGE], net.shape[0] > 0
     if estimate[E_VALID] > 0.0:

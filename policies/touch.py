@@ -16,6 +16,7 @@ from policies import planner_params as pp
 
 _FROM, _FULL = 0.5, 0.8  # cosine between body z and normal: from where, and where it fully counts
 _CHOICES = 15
+_NEAREST = 0.003  # m
 
 
 @njit
@@ -36,19 +37,38 @@ def approach(p, v, zx, zy, zz, platform, below, radius):
 
 
 @njit
-def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given, gain, params):
+def _cost(height, speed, away, sideways, along, left, wanted, params):
+    """What a contact costs that is made from `height` m: infinite if it leads to none.
+
+    `speed` towards the board and `along` it, m/s; `away`, `sideways` the accelerations under the thrust that is judged,
+    m/s^2.
+    """
+    root = speed * speed - 2.0 * away * height
+    if root < 0.0 or (speed <= 0.0 and away >= 0.0):
+        return math.inf
+    into = math.sqrt(root)
+    time = 2.0 * height / (speed + into) if speed > 0.0 else (speed - into) / away
+    skid = (along + sideways * time) / params[pp.TOUCH_SKID]
+    hard = (into - wanted) / params[pp.TOUCH_BAND]
+    early = max(0.0, left - time) / params[pp.TOUCH_EARLY]
+    late = max(0.0, time - left) / params[pp.TOUCH_LATE]
+    return skid * skid + hard * hard + early * early + late * late
+
+
+@njit
+def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given, gain, sigma, params):
     """Thrust (m/s^2) whose contact is the best that thrust can still reach.
 
     `p`, `v` (3,) world; (zx, zy, zz) body z; `platform` (8,) the board now, `acceleration` its own along its heading,
     m/s^2; `left` s to the planned contact; `planned`: the plan's thrust, which counts while body z is far from the
-    normal; `given`: thrust that the motors give now; `gain`: achieved over asked thrust. Motors lag: until they have
-    followed, the old thrust goes on acting, which is taken off the closing speed at once.
+    normal; `given`: thrust that the motors give now; `gain`: achieved over asked thrust; `sigma` m of the board's
+    surface along its normal: a thrust is judged by where the surface is believed to be, half, and by where else it may
+    be. Motors lag: until they have followed, the old thrust goes on acting, which is taken off the speeds at once.
     """
     height, closing, cosine, _ = approach(p, v, zx, zy, zz, platform, params[pp.ROBOT_L], params[pp.ROBOT_R])
     share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
     if share <= 0.0:
         return planned
-    height = max(0.003, height)
     nx, ny, nz = board_normal(platform)
     c, s = math.cos(platform[3]), math.sin(platform[3])
     ux, uy, uz = nz * c, nz * s, math.sin(platform[6])  # up the slope
@@ -63,22 +83,18 @@ def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given,
     least, best = math.inf, planned
     wanted = params[pp.TOUCH_SPEED] + params[pp.TOUCH_STEEP] * math.sin(platform[6])
     low, high = params[pp.THRUST_MIN] * gain, params[pp.THRUST_MAX] * gain
-    lag = params[pp.TOUCH_LAG]
+    lag, spread = params[pp.TOUCH_LAG], params[pp.TOUCH_UNSURE] * sigma
     for k in range(_CHOICES):
         f = low + (high - low) * k / (_CHOICES - 1)
         away, sideways = f * lift + normal, f * lean + slope
-        speed = closing - (given - f) * lift * lag
-        root = speed * speed - 2.0 * away * height
-        if root < 0.0 or (speed <= 0.0 and away >= 0.0):
-            cost = 1e3 + f
-        else:
-            into = math.sqrt(root)
-            time = 2.0 * height / (speed + into) if speed > 0.0 else (speed - into) / away
-            skid = (along + (given - f) * lean * lag + sideways * time) / params[pp.TOUCH_SKID]
-            hard = (into - wanted) / params[pp.TOUCH_BAND]
-            early = max(0.0, left - time) / params[pp.TOUCH_EARLY]
-            late = max(0.0, time - left) / params[pp.TOUCH_LATE]
-            cost = skid * skid + hard * hard + early * early + late * late
+        speed, sliding = closing - (given - f) * lift * lag, along + (given - f) * lean * lag
+        cost = min(1e3 + f, _cost(max(_NEAREST, height), speed, away, sideways, sliding, left, wanted, params))
+        if spread > _NEAREST:
+            cost *= 0.5
+            for side in (-1.0, 1.0):
+                there = max(_NEAREST, height + side * spread)
+                other = _cost(there, speed, away, sideways, sliding, left, wanted, params)
+                cost += 0.25 * min(params[pp.TOUCH_MISS], other)
         cost += params[pp.TOUCH_KEEP] * (f - planned) * (f - planned)
         if cost < least:
             least, best = cost, f

@@ -19,6 +19,7 @@ from vehicle.rotations import body_z, rotate_back
 
 FROM = 0.12  # s to contact, from where on
 SHORTEST = 0.08  # s in which an excess is at most to be turned away; less rattles
+UNSURE, MOST = 3.0, 0.04  # the surface may be nearer by so many of its sigmas, at most by m
 LAG = 0.04  # s that the rates asked before still act
 BAND = 0.08  # rad about the wanted axis
 BESIDE = 0.3  # m from the board's centre along its surface
@@ -41,18 +42,18 @@ def wanted_axis(platform, left, lean):
 
 
 @njit
-def touch_rates(p, v, q, platform, before, lean, below, radius, limit, out):
+def touch_rates(p, v, q, platform, before, sigma, lean, below, radius, limit, out):
     """Correct the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust) for an aligned contact.
 
     `p`, `v` (3,) world, `q` (4,) world from body; `platform` (8,) the board now; `before` (2,) rates asked a step
-    earlier, rad/s; `lean`: rad that the wanted axis leans up a vertical slope, less up others; `below`, `radius`
-    the disc of the contact criterion, m; `limit` of the rates, rad/s.
+    earlier, rad/s; `sigma` m of the board's surface along its normal; `lean`: rad that the wanted axis leans up a
+    vertical slope, less up others; `below`, `radius` the disc of the contact criterion, m; `limit` of the rates, rad/s.
     """
     zx, zy, zz = body_z(q)
     height, closing, cosine, beside = approach(p, v, zx, zy, zz, platform, below, radius)
     if closing < SLOWEST or cosine < FACING or beside > BESIDE * BESIDE:
         return
-    left = height / closing
+    left = (height - min(MOST, UNSURE * sigma)) / closing
     if left > FROM:
         return
     left = max(0.0, left)

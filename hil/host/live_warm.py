@@ -107,7 +107,9 @@ def _samples(image: m.Image | None) -> dict[str, Callable[[int], Any]]:
         "board/detection": lambda t: m.Detection(
             t, True, place, tilted, 0.02, 0.02, (0,), (0.0,) * 8, "", t // _STEP_NS, 1
         ),
-        "belief": lambda t: m.Belief(t, True, place, 0.0, 0.0, 0.0, 2 * half, 1.0, t, 50, 0, (1e-4,) * 7, 0.0, 50),
+        "belief": lambda t: m.Belief(
+            t, True, place, 0.0, 0.0, 0.0, 2 * half, 1.0, t, 50, 0, (1e-4,) * 7, 0.0, 50, 1e-3
+        ),
     }
     if image is not None:
         picture = image

@@ -26,7 +26,11 @@ def flight(seconds: float = 3.0, offset: float = 0.0):
         yield t, "mocap/vehicle", m.VehicleState(t, (s, 0.0, 2.5), (1.0, 0.0, 0.0), LEVEL, (0.0, 0.0, 0.1))
         yield t, "truth/board", m.BoardState(t, board, (1.0, 0.0, 0.0), tilted, 0.1 * s, 1.0, 0.1)
         shifted = (board[0] + (offset if s >= 1.0 else 0.0), *board[1:])
-        yield t, "belief", m.Belief(t, s > 0.5, shifted, 0.1 * s, 1.0, 0.1, 1.2, 0.9, t, step, 0, (0.1,) * 7, 0.2, 3)
+        yield (
+            t,
+            "belief",
+            m.Belief(t, s > 0.5, shifted, 0.1 * s, 1.0, 0.1, 1.2, 0.9, t, step, 0, (0.1,) * 7, 0.2, 3, 0.0),
+        )
         if step % 2 == 0:
             yield t, "camera/image", m.Image(t, 1280, 720, 2_000_000, PICTURE, step)
             yield t, "board/detection", m.Detection(t, True, board, tilted, 0.01, 0.02, (0,), (1.0, 2.0), "", step, 5)

@@ -26,7 +26,7 @@ def endpoint():
 
 def belief(number):
     place = (float(number), 0.0, 1.5)
-    return m.Belief(number, True, place, 0.0, 1.0, 0.0, 0.5, 1.0, number, 1, 0, (1.0, 2.0), 0.0, 1)
+    return m.Belief(number, True, place, 0.0, 1.0, 0.0, 0.5, 1.0, number, 1, 0, (1.0, 2.0), 0.0, 1, 0.01)
 
 
 def image(number):

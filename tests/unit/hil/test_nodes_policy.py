@@ -19,7 +19,7 @@ class FakePolicy:
         return Command(len(self.seen) > 2, (0.1, 0.2, 0.3), 9.0 + len(self.seen), "dive", 1.1)
 
 
-BELIEF = Belief(0, True, (1.0, 2.0, 3.0), 0.1, 0.2, 0.3, 0.4, 0.5, 77, 8, 9, (0.0,) * 8, 0.6, 4)
+BELIEF = Belief(0, True, (1.0, 2.0, 3.0), 0.1, 0.2, 0.3, 0.4, 0.5, 77, 8, 9, (0.0,) * 8, 0.6, 4, 0.01)
 ODOMETRY = VehicleState(0, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
 
 

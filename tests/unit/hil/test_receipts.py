@@ -43,7 +43,7 @@ class Summer:
         for state in inbox.new("vehicle/odometry"):
             self.sum = 0.9 * self.sum + self.gain * state.position[0]
         place = (self.sum, 0.0, 0.0)
-        return [Out("belief", m.Belief(now_ns, True, place, 0.0, 0.0, 0.0, 0.0, 1.0, 0, 0, 0, (), 0.0, 0))]
+        return [Out("belief", m.Belief(now_ns, True, place, 0.0, 0.0, 0.0, 0.0, 1.0, 0, 0, 0, (), 0.0, 0, 0.01))]
 
     def close(self):
         pass

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from groundcar.board_pose import board_normal
 from kernel.random import normal, stream
 from policies import belief as b
 from policies.belief import BoardFilter
@@ -188,6 +189,20 @@ def test_covariance_is_carried_by_the_jacobian_of_the_motion():
     p = cov.ravel().copy()
     advance_covariance(x0, p, dt, quiet, 0.5)
     assert p.reshape(N, N) == pytest.approx(jacobian @ cov @ jacobian.T, abs=2e-3)
+
+
+def test_surface_sigma_is_that_of_the_board_along_its_normal_when_it_was_last_seen():
+    row, rng = np.zeros(b.BELIEF_DIM), np.random.default_rng(4)
+    assert b.surface_sigma(row) == 0.1
+    root = rng.normal(0.0, 0.02, (N, N))
+    row[b.B_STREAK], row[b.B_X : b.B_P], row[b.B_P : b.B_T] = 5.0, rng.normal(0.0, 1.0, N), (root @ root.T).ravel()
+    row[b.B_X + 6] = 0.9
+    normal_axis = np.array(board_normal(row[b.B_X : b.B_P]))
+    wanted = math.sqrt(normal_axis @ (root @ root.T)[:3, :3] @ normal_axis)
+    assert b.surface_sigma(row) == pytest.approx(wanted, rel=1e-9)
+    assert 0.01 < wanted < 0.1
+    row[b.B_P : b.B_T] *= 100.0
+    assert b.surface_sigma(row) == 0.1
 
 
 def test_headings_across_pi_do_not_upset_it():

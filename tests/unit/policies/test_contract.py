@@ -109,7 +109,7 @@ def test_mismatches_name_both_sides():
         with pytest.raises(ContractError, match=words):
             check_contract(CONTRACT, **arguments)
     old = CONTRACT.model_copy(update={"observation": ObservationContract(version=0)})
-    with pytest.raises(ContractError, match="observation version 0, this flight has 2; train it"):
+    with pytest.raises(ContractError, match="observation version 0, this flight has 3; train it"):
         check_contract(old)
 
 

@@ -9,7 +9,7 @@ import pytest
 from groundcar.motion import SPEED_ROW
 from groundcar.speed_laws import V2 as HIGHEST
 from groundcar.speed_laws import V as LOWEST
-from policies.belief import BoardFilter
+from policies.belief import BoardFilter, surface_sigma
 from policies.contact import NORMAL_ERROR, OUTCOME, REASON, REASONS, SUCCESS, TIME_LIMIT
 from policies.env import Env, Tally, fill_future
 from policies.env_config import FAMILIES, TICK, EnvConfig
@@ -165,7 +165,7 @@ def test_flight_s_classes_give_the_training_s_numbers():
         vehicle = rows.vehicle[0]
         rho = float(rows.observation[0, TAIL + 12])
         own = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4]
-        built = builder.build(now_ns, *own, rho, previous, thrust_gain=1.0, drag=usual)
+        built = builder.build(now_ns, *own, rho, previous, 1.0, usual, surface_sigma(rows.belief[0]))
         assert built == pytest.approx(rows.observation[0], abs=2e-5)
         previous = actions(1, k)[0]
         env.step(previous[None])

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid
+from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid, surface_sigma
 from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import TICK, EnvConfig
@@ -36,6 +36,7 @@ def views(env):
         valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]), heading=x[3],
         speed=x[4], turn_rate=x[5], inclination=x[6], acceleration=x[7], variance=tuple(p[::9]),
         last_exposure_ns=round(rows.belief[0, B_T] * NS), streak=int(rows.belief[0, B_STREAK]),
+        surface_sigma=surface_sigma(rows.belief[0]),
     )  # fmt: skip
     return now_ns, vehicle, board
 
@@ -76,7 +77,7 @@ def test_an_episode_s_end_and_a_new_environment_start_it_anew():
 
 def test_as_a_teacher_it_waits_for_the_camera_and_then_knows_the_future():
     def ended(teach):
-        env = Env(EnvConfig(stage="vision", count=24, seed=9, inclination_deg=(55.0, 60.0), speed=(0.8, 1.2)))
+        env = Env(EnvConfig(stage="vision", count=24, seed=9, inclination_deg=(20.0, 30.0), speed=(2.4, 2.8)))
         env.reset()
         teacher, planner = PlannerTeacher(env), PlannerInEnv()
         while len(env.tally.rows) < 24:

@@ -19,7 +19,7 @@ def test_between_ticks_the_newest_picture_is_acted_on_and_the_history_keeps_its_
     def act(now_ms, tick_ms, ahead):
         odometry = VehicleState(tick_ms * MS, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         board = Belief(
-            now_ms * MS, True, (ahead, 0.0, 1.0), 0.0, 1.0, 0.0, 1.0, 1.0, 0, 9, 0, (0.0,) * 8, 0.0, 9
+            now_ms * MS, True, (ahead, 0.0, 1.0), 0.0, 1.0, 0.0, 1.0, 1.0, 0, 9, 0, (0.0,) * 8, 0.0, 9, 0.01
         )  # fmt: skip
         return policy.step(now_ms * MS, odometry, board)
 

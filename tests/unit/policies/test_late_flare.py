@@ -98,7 +98,7 @@ def test_kernel_and_network_say_the_same(inclination, lean, tilt, left, closing,
     asked, before = np.array(actions[:4]), np.array(actions[4:])
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
     push_history(platform, 0.0, history)
-    build_observation(history, p, v, q, 1.0, before, gain, 0.2, 1, 0.0, observation)
+    build_observation(history, p, v, q, 1.0, before, gain, 0.2, 0.0, 1, 0.0, observation)
     seen = torch.from_numpy(observation).double()[None]
     tail = seen[:, TAIL:]
     got = flared_action(seen[:, NEWEST:TAIL], tail, torch.tensor(asked)[None], torch.tensor([LEAN]))[0].numpy()

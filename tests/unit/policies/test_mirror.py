@@ -27,7 +27,7 @@ def observed(signs, seed):
         push_history(platform * rng.normal(0.0, 1.0, 8), 0.01 * k, row)
     q = turn * np.array(from_euler(*rng.uniform(-1.2, 1.2, 3)))
     p, v, before = rng.normal(0.0, 3.0, 3), rng.normal(0.0, 2.0, 3), rng.uniform(-1.0, 1.0, 4)
-    build_observation(row, vector * p, vector * v, q, 0.7, action * before, 1.1, 0.3, STRIDE, 0.99, out)
+    build_observation(row, vector * p, vector * v, q, 0.7, action * before, 1.1, 0.3, 0.01, STRIDE, 0.99, out)
     return out
 
 

@@ -44,18 +44,18 @@ def quaternion(roll, pitch, yaw):
     )
 
 
-def observe(platforms, p, v, q, stride=1, rho=1.0, action=(0, 0, 0, 0), gain=1.0, drag=0.2):
+def observe(platforms, p, v, q, stride=1, rho=1.0, action=(0, 0, 0, 0), gain=1.0, drag=0.2, sigma=0.0):
     row, out = np.zeros(history_dim(stride)), np.zeros(OBS_DIM, dtype=np.float32)
     for i, platform in enumerate(platforms):
         push_history(platform, 0.01 * i, row)
     now = 0.01 * (len(platforms) - 1)
-    build_observation(row, p, v, q, rho, np.array(action, dtype=float), gain, drag, stride, now, out)
+    build_observation(row, p, v, q, rho, np.array(action, dtype=float), gain, drag, sigma, stride, now, out)
     return out
 
 
 def test_newest_entry_by_hand():
     p = np.array([1.0, 4.0, 2.5])
-    told = {"rho": 0.4, "action": (0.1, 0.2, 0.3, 0.4), "gain": 1.1, "drag": 0.3}
+    told = {"rho": 0.4, "action": (0.1, 0.2, 0.3, 0.4), "gain": 1.1, "drag": 0.3, "sigma": 0.02}
     out = observe([PLATFORM], p, np.zeros(3), quaternion(0, 0, math.pi / 2), **told)
     # drone faces +y: its x is the world's y, its y is the world's -x
     n = np.array([-math.sin(0.7) * math.cos(0.5), -math.sin(0.7) * math.sin(0.5), math.cos(0.7)])
@@ -64,7 +64,7 @@ def test_newest_entry_by_hand():
     assert out[NEWEST:TAIL] == pytest.approx(expected, abs=1e-6)
     assert out[TAIL + TAIL_RHO] == pytest.approx(0.4)
     assert out[TAIL + TAIL_ACTION : TAIL + TAIL_GAIN] == pytest.approx([0.1, 0.2, 0.3, 0.4])
-    assert out[TAIL + TAIL_GAIN :] == pytest.approx([1.1, 0.3])
+    assert out[TAIL + TAIL_GAIN :] == pytest.approx([1.1, 0.3, 0.02])
     assert out[TAIL + TAIL_R : TAIL + TAIL_R + 9] == pytest.approx(np.eye(3).ravel(), abs=1e-6)
 
 
@@ -126,9 +126,9 @@ def test_builder_gives_the_kernel_s_numbers():
         p, v, q = rng.normal(0, 1, 3), rng.normal(0, 1, 3), quaternion(*rng.normal(0, 0.3, 3))
         action = rng.uniform(-1, 1, 4)
         push_history(platform, 0.01 * i, row)
-        build_observation(row, p, v, q, 0.8, action, 1.05, 0.3, 3, 0.01 * i, out)
+        build_observation(row, p, v, q, 0.8, action, 1.05, 0.3, 0.02, 3, 0.01 * i, out)
         assert builder.push(start_ns + 10_000_000 * i, platform)
-        assert np.array_equal(builder.build(start_ns + 10_000_000 * i, p, v, q, 0.8, action, 1.05, 0.3), out)
+        assert np.array_equal(builder.build(start_ns + 10_000_000 * i, p, v, q, 0.8, action, 1.05, 0.3, 0.02), out)
 
 
 def test_between_two_steps_the_newest_entry_is_renewed():

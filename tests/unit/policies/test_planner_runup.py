@@ -111,3 +111,13 @@ def test_a_board_that_was_slow_a_moment_ago_is_waited_for_although_nothing_is_fo
     for k in range(400):
         sh.history_push(steady, 0.01 * k, 2.5)
     assert ru.met_slow(future, STEP, inclination, 0.2, steady, ROW)
+
+
+@pytest.mark.parametrize(
+    ("speed", "degrees", "runs"),
+    [(0.0, 67.0, False), (-0.3, 67.0, False), (0.0, 69.0, True), (1.0, 64.0, False), (1.0, 67.0, True),
+     (2.0, 63.0, True), (-2.0, 63.0, True), (2.0, 61.0, False)],
+)  # fmt: skip
+def test_a_slow_board_has_to_be_steeper_for_a_run_up(speed, degrees, runs):
+    platform = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, math.radians(degrees), 0.0])
+    assert ru.runs_up(platform, ROW) == runs

@@ -25,6 +25,7 @@ def fly(policy, ticks=120, speed=1.5):
             stamp_ns=now, valid=True, position=(speed * 0.01 * k, 0.0, 1.5), heading=0.0,
             speed=speed + 0.3 * np.sin(0.02 * k), turn_rate=0.1, inclination=0.5, acceleration=0.6 * np.cos(0.02 * k),
             rho=1.0, last_exposure_ns=now - 40_000_000, streak=10 + k, variance=(1e-4,) * 8,
+            surface_sigma=0.005,
         )  # fmt: skip
         out.append(policy.step(now, vehicle, board))
     return out

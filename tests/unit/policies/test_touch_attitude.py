@@ -14,7 +14,7 @@ from policies.env_config import EnvConfig
 from policies.network import Actor, NetworkConfig
 from policies.network_touch import BELOW, RADIUS, aligned_action
 from policies.observation import NEWEST, OBS_DIM, RATE_MAX, TAIL, build_observation, history_dim, push_history
-from policies.touch_attitude import BAND, BESIDE, FROM, LAG, SHORTEST, touch_rates
+from policies.touch_attitude import BAND, BESIDE, FROM, LAG, MOST, SHORTEST, UNSURE, touch_rates
 from vehicle.airframe import load_airframe
 from vehicle.rotations import body_z, from_rotation_vector, integrate
 
@@ -22,9 +22,9 @@ torch.set_num_threads(1)
 LEAN = 0.1
 
 
-def corrected(platform, p, v, q, out, before=(0.0, 0.0), lean=LEAN):
+def corrected(platform, p, v, q, out, before=(0.0, 0.0), lean=LEAN, sigma=0.0):
     out = np.array(out, dtype=np.float64)
-    touch_rates(p, v, q, platform, np.array(before), lean, BELOW, RADIUS, RATE_MAX, out)
+    touch_rates(p, v, q, platform, np.array(before), sigma, lean, BELOW, RADIUS, RATE_MAX, out)
     return out
 
 
@@ -94,21 +94,32 @@ def test_by_hand_on_a_flat_board():
     assert less[0] == pytest.approx(-(math.sin(0.2) - 0.04 - BAND) / SHORTEST, rel=1e-9)
 
 
+def test_a_surface_that_may_be_nearer_is_answered_earlier():
+    here = situation(0.0, 0.0, 0.25, FROM + 0.04, closing=0.4)
+    asked = [0.0, 0.0, 0.0, 9.0]
+    assert corrected(*here, asked).tolist() == asked
+    assert corrected(*here, asked, sigma=0.004).tolist() == asked  # 12 mm at 0.4 m/s: 30 ms
+    turned = [abs(corrected(*here, asked, sigma=sigma)[0]) for sigma in (0.007, 1.0)]
+    assert 0.5 < turned[0] == turned[1] < RATE_MAX
+
+
 @given(
     st.floats(0.0, 1.4), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-0.02, 0.2), st.floats(0.0, 1.5),
-    st.floats(-1.2, 1.2), st.floats(-3.0, 3.0), st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
+    st.floats(-1.2, 1.2), st.floats(-3.0, 3.0), st.sampled_from((0.0, 0.008, 0.05)),
+    st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
 )  # fmt: skip
-def test_kernel_and_network_say_the_same(inclination, lean, tilt, left, closing, turn, heading, actions):
+def test_kernel_and_network_say_the_same(inclination, lean, tilt, left, closing, turn, heading, sigma, actions):
     platform, p, v, q = situation(inclination, lean, tilt, left, closing, turn=turn, heading=heading)
     asked, before = np.array(actions[:4]), np.array(actions[4:])
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
     push_history(platform, 0.0, history)
-    build_observation(history, p, v, q, 1.0, before, 1.0, 0.2, 1, 0.0, observation)
+    build_observation(history, p, v, q, 1.0, before, 1.0, 0.2, sigma, 1, 0.0, observation)
     seen = torch.from_numpy(observation).double()[None]
     got = aligned_action(seen[:, NEWEST:TAIL], seen[:, TAIL:], torch.tensor(asked)[None], torch.tensor([LEAN]))
     command = np.array([*(RATE_MAX * asked[:3]), asked[3]])
-    wanted = corrected(platform, p, v, q, command, RATE_MAX * before[:2])
-    if not near_a_limit(left, closing, platform, q):
+    wanted = corrected(platform, p, v, q, command, RATE_MAX * before[:2], sigma=sigma)
+    early = min(MOST, UNSURE * sigma) / max(0.1, closing)
+    if not near_a_limit(left - early, closing, platform, q):
         assert got[0].numpy() == pytest.approx([*(wanted[:3] / RATE_MAX), wanted[3]], abs=2e-4)
 
 
@@ -127,7 +138,7 @@ def test_an_aligned_actor_is_corrected_and_another_is_not():
     platform, p, v, q = situation(1.0, -0.3, 0.0, 0.08)
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
     push_history(platform, 0.0, history)
-    build_observation(history, p, v, q, 1.0, np.zeros(4), 1.0, 0.2, 1, 0.0, observation)
+    build_observation(history, p, v, q, 1.0, np.zeros(4), 1.0, 0.2, 0.0, 1, 0.0, observation)
     seen = torch.from_numpy(observation)[None]
     plain, aligned = Actor(NetworkConfig()), Actor(NetworkConfig(aligned=True, lean=LEAN))
     aligned.load_state_dict(aligned.state_dict() | plain.state_dict())

@@ -134,7 +134,7 @@ def test_a_checkpoint_of_another_version_is_refused(tiny, tmp_path):
     run("state", str(tiny), 1, tmp_path / "run", stop=lambda: True)
     saved = load_checkpoint(path)
     save_checkpoint(path, {**saved, "version": (VERSION[0] + 1, *VERSION[1:])})
-    with pytest.raises(TrainingError, match="version 2 perchrl-yaw 2, this is 1 perchrl-yaw 2"):
+    with pytest.raises(TrainingError, match="version 2 perchrl-yaw 3, this is 1 perchrl-yaw 3"):
         run("state", str(tiny), 1, tmp_path / "run", resume=True)
     save_checkpoint(path, {**saved, "learner": {**saved["learner"], "replay": {}}})
     with pytest.raises(TrainingError, match="does not fit") as error:

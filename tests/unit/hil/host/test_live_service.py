@@ -102,7 +102,7 @@ def test_only_what_wakes_a_node_wakes_it_and_the_rest_comes_along(start):
         service.supervisor.publish(number, "run/stage", m.Stage(number, "lead", 0, 0))
     until(lambda: len(service.live._mailbox._queues.get("run/stage", ())) > 0)
     assert node.steps == []
-    belief = m.Belief(1, True, (0.0, 0.0, 1.5), 0.0, 1.0, 0.0, 0.5, 1.0, 1, 1, 0, (1.0,), 0.0, 1)
+    belief = m.Belief(1, True, (0.0, 0.0, 1.5), 0.0, 1.0, 0.0, 0.5, 1.0, 1, 1, 0, (1.0,), 0.0, 1, 0.01)
     until(lambda: node.steps, lambda: service.supervisor.publish(1, "belief", belief))
     until(lambda: sum(stages for _, _, stages in node.steps) > 0)
 
