@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from groundcar.board_pose import board_normal
 from kernel import njit
 from policies.belief_models import MODEL_DIM, MODELS, combine, judge, mix, model_state, start_models
 from policies.belief_motion import (
@@ -254,8 +255,7 @@ def surface_sigma(row):
     """
     if row[B_STREAK] == 0.0:
         return 0.1
-    sine, cosine = math.sin(row[B_X + 6]), math.cos(row[B_X + 6])
-    nx, ny, nz = -sine * math.cos(row[B_X + 3]), -sine * math.sin(row[B_X + 3]), cosine
+    nx, ny, nz = board_normal(row[B_X:B_P])
     p = row[B_P : B_P + 3 * N]
     variance = nx * nx * p[0] + ny * ny * p[N + 1] + nz * nz * p[2 * N + 2]
     variance += 2.0 * (nx * ny * p[1] + nx * nz * p[2] + ny * nz * p[N + 2])

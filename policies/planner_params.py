@@ -81,13 +81,12 @@ class PlannerParams:
     early or too late, for a share of the tolerance in angle (negative: down the slope). `flatten` 0..1: on a flat board
     this share of the terminal jerk (and with it of the last body rate) is taken away, from 60 deg on none. Less than
     `aim` s before contact a motion may end up to `miss` m beside the centre. In the last `touch_from` s thrust is
-    chosen for the
-    contact that it leads to: speed into the board `touch_speed` (and `touch_steep` more on a vertical one, where what
-    comes slowly has time to be pulled along) within `touch_band`, speed along it within `touch_skid`, no more than
-    `touch_early` or `touch_late` s off the plan. Half of that is judged with the surface where it is believed to be,
-    half with it `touch_unsure` of its sigmas nearer and farther, where not to touch at all costs `touch_miss`.
-    `touch_keep` weighs the change of thrust, which comes `touch_lag` s late. Rates then see to an aligned contact, body
-    z `touch_lean` rad up a vertical slope (`touch_attitude.py`).
+    chosen for the contact that it leads to: speed into the board `touch_speed` (and `touch_steep` more on a vertical
+    one, where what comes slowly has time to be pulled along) within `touch_band`, speed along it within `touch_skid`,
+    no more than `touch_early` or `touch_late` s off the plan. Half of that is judged with the surface where it is
+    believed to be, half with it `touch_unsure` of its sigmas nearer and farther, where not to touch at all costs
+    `touch_miss`. `touch_keep` weighs the change of thrust, which comes `touch_lag` s late. Rates then see to an aligned
+    contact, body z `touch_lean` rad up a vertical slope (`touch_attitude.py`).
     Search: durations `t_min`..`t_max`, terminal thrusts `f_min`..`f_max`; every `replan` s; none in the last `freeze`
     s, in the last `freeze_flat` over a flat board, which is out of sight by then: what is foretold of it changes
     without getting better. The board may leave the view in the last `blind` s at no cost. `w_*` weights of the cost. A
