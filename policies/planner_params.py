@@ -143,7 +143,7 @@ class PlannerParams:
     w_skid: float = 1.5
     skid: float = 0.1
     predict_tau: float = 0.8
-    filter_tau: float = 0.6
+    filter_tau: float = 0.25
     relax_surprise: float = 1.0
     commit_surprise: float = 0.07
     run_inclination: float = math.radians(62.0)

@@ -3,8 +3,8 @@
 Supervised: the path that the network's speeds and turn rates give, integrated as in flight but without
 `predictor.believe_filter`, shall be the path that was driven. One thread. Prints the error at about 0.5, 1, 1.5 and 2 s
 on held-out drives beside the base motion's.
-The committed weights: --minutes 9 --seed 1 --out A while the filter's q_heading, q_position and q_inclination were
-0.02, 0.01 and 0.01, then --minutes 7 --seed 2 --start A with those of now.
+The committed weights: --minutes 9 --seed 1 --out A, then --minutes 7 --seed 2 --start A --out B, each with a filter of
+before, then --minutes 5 --seed 3 --start B with one nearly as today's (accel_sigma, accel_tau, settle: 1.2, 0.3, 0.8).
 """
 
 from __future__ import annotations

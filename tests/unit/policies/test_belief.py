@@ -173,7 +173,7 @@ def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
 
 
 def test_covariance_is_carried_by_the_jacobian_of_the_motion():
-    still = ("q_speed", "q_turn", "q_heading", "q_position", "q_inclination", "accel_sigma", "calm_accel")
+    still = ("q_speed", "q_turn", "q_bend", "q_heading", "q_position", "q_inclination", "accel_sigma", "calm_accel")
     quiet = BeliefParams(**dict.fromkeys(still, 0.0)).row()
     x0 = np.array([0.0, 0.0, 1.5, 0.4, 1.7, 0.8, 0.3, 0.9])
     jacobian, dt, eps = np.zeros((N, N)), 0.05, 1e-6

@@ -36,15 +36,15 @@ def test_the_published_launch_case():
         plan = plan_perch(start, UPRIGHT, LAUNCH)
         states, thrust, rate = along(plan, 9.8)
         fastest = np.linalg.norm(states[:, 1], axis=1).max()
-        shown.append((plan.duration, thrust.min(), thrust.max(), fastest))
+        shown.append((plan.duration, thrust.min(), thrust.max(), fastest, *states[-1, 1]))
         assert rate.max() == pytest.approx(3.0, rel=0.01)
-        assert states[-1, 1] == pytest.approx((2.3, 0.0, -0.0219), abs=0.08)
         assert states[-1, 0] == pytest.approx((0.5 + 2.0 * plan.duration - 0.02, 0.0, 2.0), abs=1e-6)
-    duration, least, most, fastest = np.median(shown, axis=0)
+    duration, least, most, fastest, *tail = np.median(shown, axis=0)
     assert duration == pytest.approx(2.972, rel=0.05)
     assert least == pytest.approx(7.246, rel=0.03)
     assert most == pytest.approx(16.845, rel=0.04)
     assert fastest == pytest.approx(6.112, rel=0.08)
+    assert tail == pytest.approx((2.3, 0.0, -0.0219), abs=0.03)
 
 
 def test_a_plan_begins_where_it_was_asked_and_ends_on_the_board_in_its_attitude():
