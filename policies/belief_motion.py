@@ -25,7 +25,7 @@ class BeliefParams:
     `gate`: chi-square limit at 5 degrees of freedom (0.1 % of good measurements are refused). `reaccept`: agreeing
     refusals that restart the filter; 2 suffice after `reaccept_loss` s without a measurement. Prior at a start: speed
     `speed0` +- `speed_sigma`, turn rate 0 +- `turn_sigma`. `accel_sigma`, `accel_tau`: Singer acceleration; the size is
-    between the paper's OU speeds and its Hard-I law (1.6 m/s^2 peak), and it is soon over: no OU speed keeps gaining.
+    nearly that of the paper's Hard-I law (1.6 m/s^2 peak), but it is soon over: its OU speeds do not keep gaining.
     The turn rate wanders by `q_turn` and `q_bend` (rad/m) times the speed: a path has bends, and a slow car comes
     slowly into the next. `bias_*` is added to the angles' sigma because mounting errors do not average out.
     `q_position` and `q_inclination` also take up that errors of odometry and calibration wander while the drone
