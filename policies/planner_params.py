@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from policies.belief_motion import BeliefParams
+
 (
     GRAVITY, DRAG, THRUST_MIN, THRUST_MAX, RATE_MAX, RATE_LAG, THRUST_LAG, CAMERA_TILT, CAMERA_HALF_FOV, ROBOT_L,
     ROBOT_R, IMPACT_SPEED, OVERSHOOT, FLATTEN, T_MIN, T_MAX, F_MIN, F_MAX, REPLAN, FREEZE, BLIND, W_TIME, W_POSTPONE,
@@ -143,7 +145,7 @@ class PlannerParams:
     w_skid: float = 1.5
     skid: float = 0.1
     predict_tau: float = 0.8
-    filter_tau: float = 0.25
+    filter_tau: float = BeliefParams.accel_tau
     relax_surprise: float = 1.0
     commit_surprise: float = 0.07
     run_inclination: float = math.radians(62.0)

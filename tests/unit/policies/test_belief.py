@@ -172,6 +172,13 @@ def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
     assert out[3] == pytest.approx(b.wrap(heading + 1.5 * turn)) and out[4] == pytest.approx(speed) and out[7] == 0.0
 
 
+@pytest.mark.parametrize("speed", [0.0, 1.0, -3.0])
+def test_the_turn_rate_wanders_by_the_speed(speed):
+    x, p = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, 0.3, 0.0]), np.zeros(N * N)
+    advance_covariance(x, p, 0.04, PARAMS.row(), 0.5)
+    assert math.sqrt(p[5 * (N + 1)]) == pytest.approx(0.2 * (PARAMS.q_turn + PARAMS.q_bend * abs(speed)))
+
+
 def test_covariance_is_carried_by_the_jacobian_of_the_motion():
     still = ("q_speed", "q_turn", "q_bend", "q_heading", "q_position", "q_inclination", "accel_sigma", "calm_accel")
     quiet = BeliefParams(**dict.fromkeys(still, 0.0)).row()
