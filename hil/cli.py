@@ -152,11 +152,12 @@ def board_file(path: Annotated[Path, typer.Argument(help="file to write: .pdf, .
     from vehicle.board import Board
     from vehicle.board_print import write_printable
 
+    board = Board()
     try:
-        write_printable(path, Board())
+        write_printable(path, board)
     except (OSError, ValueError) as error:
         raise fail(str(error)) from None
-    print(f"wrote {path}: print at 100 %, check the large tag measures 336 mm")
+    print(f"wrote {path}: print at 100 %, check the large tag measures {1e3 * board.tags[0].width:.1f} mm")
 
 
 cli_check.register(app)

@@ -3,7 +3,7 @@
 The camera looks forward. A drone that comes down from above loses a flat board half a second and more before contact,
 and by then the belief of a board at 3 m/s is off by a tolerance's width. So this way down is shallow: seen backward
 from contact, a constant sink rate, and a speed along the board that grows as gently as a nearly level drone can brake.
-It ends short of the board's centre, where the farthest of the small tags is still in the picture.
+It ends short of the board's centre; the row of small tags at the board's upper edge is in the picture until then.
 
 The law depends on the present belief alone: no plan can go out of date, and a network can learn it.
 """
@@ -17,18 +17,19 @@ from policies import planner_params as pp
 from policies.planner_follow import command_acceleration, keep_in_view
 from policies.tracking import yaw_error
 
-_SHORT, _ALONG = 0.1, 0.2  # m behind the board's centre and m/s along it at contact
-_BRAKE, _SINK = 0.74, 0.36  # m/s^2 along the board, m/s down
+_SHORT, _ALONG = 0.08, 0.2  # m behind the board's centre and m/s along it at contact
+_BRAKE, _SINK = 0.85, 0.42  # m/s^2 along the board, m/s down
 _FASTEST, _HIGHEST = 2.6, 1.25  # m/s of closing along the board, m over it: far away no more than that
-_KV, _KV_UP, _KP_SIDE, _KP_UP = 3.8, 5.0, 2.4, 3.4  # 1/s
-_SIDEWAYS, _UPWARD = 2.5, 1.6  # 1/s: sideways speed by (distance + _MARGIN) at most; m/s: correction of height at most
-_LOW, _FALL = 0.3, 1.3  # m over the board, from where on it sinks at most by that many times _SINK
+_KV, _KV_UP, _KP_SIDE, _KP_UP = 4.3, 6.4, 2.5, 2.9  # 1/s
+_SIDEWAYS, _UPWARD = 2.7, 1.6  # 1/s: sideways speed by (distance + _MARGIN) at most; m/s: correction of height at most
+_LOW, _FALL = 0.36, 1.1  # m over the board, from where on it sinks at most by that many times _SINK
 _MARGIN, _ROOM, _NEAR = 0.3, 0.5, 0.25  # m; error by (distance + _MARGIN) that closing waits for, unless nearer than m
-_BEHIND, _BEARING = 1.0, 3.6  # m: nearer, behind means by the board's heading; farther, on the line of sight
-_UNSEEN, _STOP = 0.6, 0.35  # s without a detection at which closing stops, unless nearer than m
+_PRESS_AWAY, _PRESS_SIDE, _PRESS = 0.2, 0.15, 0.3  # m, m: nearer than that it sinks no slower than m/s, come what may
+_BEHIND, _BEARING = 0.75, 3.6  # m: nearer, behind means by the board's heading; farther, on the line of sight
+_UNSEEN, _STOP = 1.0, 0.35  # s without a detection at which closing stops, unless nearer than m
 _VIEW, _TURN = 0.4, 0.2  # m of horizontal distance from where on the camera's pitch, and its bearing, are cared for
-_TILT, _TILT_NEAR, _LEVELLER = 0.7, 0.57, 0.6  # rad; the second nearer than m
-_YAW_K, _YAW_MOST = 1.5, 2.0  # 1/s, rad/s
+_TILT = 0.7  # rad
+_YAW_K, _YAW_MOST = 1.9, 2.0  # 1/s, rad/s
 _PASSED, _UNDER = -0.3, -0.06  # m: beyond the centre, or below the surface: it was missed
 
 
@@ -84,6 +85,9 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
     if height < _LOW:
         fall = max(fall, -_FALL * _SINK)
+    # What levels the drone to touch leaves drag unopposed: where it would hang back and hover over the board, it touches.
+    if away < _PRESS_AWAY and abs(side) < _PRESS_SIDE:
+        fall = min(fall, -_PRESS)
     if distance > _VIEW:
         ax, ay = keep_in_view(ax, ay, p, platform, params)
     yaw_rate = 0.0
@@ -92,6 +96,5 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
         yaw_rate = min(_YAW_MOST, max(-_YAW_MOST, yaw_rate))
     if distance > _VIEW:
         yaw_rate -= drift / distance
-    tilt = _TILT if distance > _LEVELLER else _TILT_NEAR
-    command_acceleration(q, v[0], v[1], v[2], ax, ay, _KV_UP * (fall - v[2]), yaw_rate, tilt, gain, params, out)
+    command_acceleration(q, v[0], v[1], v[2], ax, ay, _KV_UP * (fall - v[2]), yaw_rate, _TILT, gain, params, out)
     return away < _PASSED or (height < _UNDER and away < _NEAR)

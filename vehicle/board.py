@@ -1,8 +1,10 @@
 """The board that the vehicle perches on: its tags as data, its picture as a module grid, and a printable file of it.
 
 Board frame: origin at the centre of the face, x up-slope, y left, z the outward normal. One large tag is read from far
-away; five small ones, ten times smaller, stand on cell corners of the large one, where they cover none of its sample
-points, and are read from hand's breadth. All edges lie on a grid of one small module, so the picture is exact.
+away; small ones, ten times smaller, are read from hand's breadth. Five stand on cell corners of the large one, where
+they cover none of its sample points. Five more stand in a row along the board's upper edge, beyond the large one's white
+ring: a camera that looks forward has them in its picture until a drone level with the board touches its centre. All
+edges lie on a grid of one small module, so the picture is exact.
 """
 
 from __future__ import annotations
@@ -34,16 +36,25 @@ class BoardTag:
         return np.array([(self.x + sx * h, self.y + sy * h, 0.0) for sx, sy in ((-1, 1), (-1, -1), (1, -1), (1, 1))])
 
 
+_SIZE = 0.42  # m
+_MODULE = _SIZE / 110.0  # m: ten of them for the row of small tags, a hundred for the large tag with its ring
+
+
 def _default_tags() -> tuple[BoardTag, ...]:
-    small = ((0.0, 0.0), (0.084, 0.084), (0.084, -0.084), (-0.084, -0.084), (-0.084, 0.084))
-    return (BoardTag(0, 0.336, 0.0, 0.0), *(BoardTag(i + 1, 0.0336, x, y) for i, (x, y) in enumerate(small)))
+    large = BoardTag(0, 10 * TAG_MODULES * _MODULE, -5 * _MODULE, 0.0)
+    nested = ((-5, 0), (15, 20), (15, -20), (-25, -20), (-25, 20))
+    row = ((50, 0), (50, 20), (50, -20), (50, 40), (50, -40))
+    small = (
+        BoardTag(i, TAG_MODULES * _MODULE, x * _MODULE, y * _MODULE) for i, (x, y) in enumerate((*nested, *row), 1)
+    )
+    return (large, *small)
 
 
 @dataclass(frozen=True)
 class Board:
     """A square board (m) with tags; later tags are printed over earlier ones. Raises ValueError if tags do not fit."""
 
-    size: float = 0.42
+    size: float = _SIZE
     thickness: float = 0.01
     tags: tuple[BoardTag, ...] = field(default_factory=_default_tags)
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kernel import njit
+from vehicle.board import TAG_MODULES, Board
 from vehicle.rotations import rotate, rotate_back
 
 # Indices of a camera row, the (CAM_DIM,) float64 form that kernels take.
@@ -24,11 +25,9 @@ MARGIN = 10  # px, a tag's corners must be this far inside the picture
 MAX_RANGE = 11  # m
 MIN_COS_INCIDENCE = 12  # cosine of the largest incidence angle at which tags decode
 MIN_MODULE = 13  # px, smallest foreshortened tag module (bit cell) that decodes
-LARGE_HALF, SMALL_HALF, SMALL_SPACING = 14, 15, 16  # m, of the board's tags (see vehicle/board.py)
-CAM_DIM = 17
-
-_MODULES = 8.0  # a 36h11 tag is 8 modules wide between its detected corners
-_SMALL_CENTRES = ((0.0, 0.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
+TAGS = 14  # how many tags the board has; after it each tag's [x, y, half its width], m, board frame
+MOST_TAGS = 16
+CAM_DIM = TAGS + 1 + 3 * MOST_TAGS
 
 
 @dataclass(frozen=True)
@@ -64,13 +63,21 @@ class Camera:
         """Intrinsic matrix, shape (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def row(self, large: float = 0.336, small: float = 0.0336, spacing: float = 0.084) -> np.ndarray:
-        """The (CAM_DIM,) row for kernels; tag sizes and spacing (m) are those of the board that is looked for."""
+    def row(self, board: Board | None = None) -> np.ndarray:
+        """The (CAM_DIM,) row for kernels, with the tags of the board that is looked for (None: the project's own).
+
+        Raises ValueError for a board of more than MOST_TAGS tags.
+        """
+        tags = (board or Board()).tags
+        if len(tags) > MOST_TAGS:
+            raise ValueError(f"the board has {len(tags)} tags; the visibility gate knows at most {MOST_TAGS}")
         limits = (self.margin_px, self.max_range, math.cos(self.max_incidence), self.min_module_px)
         intrinsics = (self.fx, self.fy, self.cx, self.cy, self.width, self.height)
-        return np.array(
-            [*intrinsics, *self.offset, self.tilt, *limits, large / 2, small / 2, spacing], dtype=np.float64
-        )
+        row = np.zeros(CAM_DIM)
+        row[:TAGS] = (*intrinsics, *self.offset, self.tilt, *limits)
+        row[TAGS] = len(tags)
+        row[TAGS + 1 : TAGS + 1 + 3 * len(tags)] = [number for tag in tags for number in (tag.x, tag.y, tag.width / 2)]
+        return row
 
 
 @njit
@@ -141,12 +148,13 @@ def project(x, y, z, cam):
 
 
 @njit
-def _square_inside(c, ex, ey, x, y, half, cam):
-    """True if all corners of a square on the board, centred at board (x, y), lie inside the picture's margin."""
+def _square_inside(c, ex, ey, half, cam):
+    """True if all corners of a square on the board, its centre `c` in the optical frame, lie inside the picture's
+    margin."""
     low, right, bottom = cam[MARGIN], cam[WIDTH] - 1.0 - cam[MARGIN], cam[HEIGHT] - 1.0 - cam[MARGIN]
     for i in range(4):
-        bx = x + (half if i < 2 else -half)
-        by = y + (half if i % 2 == 0 else -half)
+        bx = half if i < 2 else -half
+        by = half if i % 2 == 0 else -half
         px, py, pz = (c[0] + bx * ex[0] + by * ey[0], c[1] + bx * ex[1] + by * ey[1], c[2] + bx * ex[2] + by * ey[2])
         if pz < 0.02:
             return False
@@ -160,22 +168,19 @@ def _square_inside(c, ex, ey, x, y, half, cam):
 def _visible(c, ex, ey, cam):
     """The gate on the board's centre `c` and axes `ex`, `ey`, all 3-tuples in the optical frame."""
     nx, ny, nz = ex[1] * ey[2] - ex[2] * ey[1], ex[2] * ey[0] - ex[0] * ey[2], ex[0] * ey[1] - ex[1] * ey[0]
-    distance = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
-    if not (c[2] > 0.02 and distance <= cam[MAX_RANGE]):
+    above = -(c[0] * nx + c[1] * ny + c[2] * nz)
+    if not above > 0.0:
         return 0
-    cos_incidence = -(c[0] * nx + c[1] * ny + c[2] * nz) / distance
-    if cos_incidence < cam[MIN_COS_INCIDENCE]:
-        return 0
-    pixels_per_metre = cam[FX] * cos_incidence / distance
-    if pixels_per_metre * 2.0 * cam[LARGE_HALF] >= cam[MIN_MODULE] * _MODULES and _square_inside(
-        c, ex, ey, 0.0, 0.0, cam[LARGE_HALF], cam
-    ):
-        return 1
-    if pixels_per_metre * 2.0 * cam[SMALL_HALF] >= cam[MIN_MODULE] * _MODULES:
-        for i in range(5):
-            x, y = cam[SMALL_SPACING] * _SMALL_CENTRES[i][0], cam[SMALL_SPACING] * _SMALL_CENTRES[i][1]
-            if _square_inside(c, ex, ey, x, y, cam[SMALL_HALF], cam):
-                return 1
+    for i in range(int(cam[TAGS])):
+        k = TAGS + 1 + 3 * i
+        x, y, half = cam[k], cam[k + 1], cam[k + 2]
+        tag = (c[0] + x * ex[0] + y * ey[0], c[1] + x * ex[1] + y * ey[1], c[2] + x * ex[2] + y * ey[2])
+        distance = math.sqrt(tag[0] * tag[0] + tag[1] * tag[1] + tag[2] * tag[2])
+        if distance > cam[MAX_RANGE] or above < cam[MIN_COS_INCIDENCE] * distance:
+            continue
+        module = cam[FX] * 2.0 * half / TAG_MODULES / distance * (above / distance)
+        if module >= cam[MIN_MODULE] and _square_inside(tag, ex, ey, half, cam):
+            return 1
     return 0
 
 
@@ -184,8 +189,8 @@ def board_visibility(vehicle_p, vehicle_q, board_p, board_R, cam):
     """1 if the detector can be expected to give a pose of the board, else 0 (NaN anywhere: 0).
 
     `vehicle_p` (3,) m and `vehicle_q` (4,) world from body; `board_p` (3,) m and `board_R` (3, 3) world from board;
-    `cam` a camera row. Visible means: front face, within range and incidence, and at least one tag (the large one or
-    one of the small ones) lies wholly in the picture with modules large enough to decode. No occlusion, no blur.
+    `cam` a camera row. Visible means: front face, and at least one tag lies wholly in the picture, within range and
+    incidence, with modules large enough to decode. No occlusion, no blur.
     """
     c = point_in_camera(vehicle_p, vehicle_q, board_p, cam)
     ex = optical_from_world(vehicle_q, board_R[0, 0], board_R[1, 0], board_R[2, 0], cam)

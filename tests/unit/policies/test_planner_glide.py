@@ -14,6 +14,8 @@ from policies.evaluate import point, run_episodes, summarise
 from policies.planner_glide import _BRAKE, glide, glide_reference
 from policies.planner_params import PlannerParams
 from policies.prediction import HORIZON, STEP
+from vehicle.board import Board
+from vehicle.camera import Camera
 
 PLANNER = PlannerParams().row()
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -39,7 +41,8 @@ def test_heights_and_speeds_of_the_way_down_belong_together(away):
 def test_along_it_the_camera_sees_the_board_s_front_tag(away):
     """At 3 m/s drag takes the nose down, braking takes it up: the angle below body x at which the tag appears."""
     _, _, height, _ = glide_reference(away)
-    tag, camera = 0.084 + 0.0168, 0.08  # m ahead of the board's centre, ahead of the drone's
+    front = max(Board().tags, key=lambda tag: tag.x)
+    tag, camera = front.x - front.width / 2, Camera().offset[0]  # m ahead of the board's centre, ahead of the drone's
     depression = math.atan2(height + PLANNER[pp.ROBOT_L], away + tag - camera)
     nose_up = math.atan2(_BRAKE - 3.0 * PLANNER[pp.DRAG], PLANNER[pp.GRAVITY])
     assert depression + nose_up < math.radians(15.0 + 26.45)

@@ -239,7 +239,7 @@ def test_straight_behind_a_sharp_picture_tells_which_of_two_level_boards_it_is()
     """As Simple-I's seed 207 begins: neither prior nor horizon can tell, and the drone hovers until something does."""
     found = 0
     for k in range(20):
-        vehicle, board = view(5.5 + 0.03 * k, -8.0)
+        vehicle, board = view(5.0 + 0.03 * k, -8.0)
         R, _, up = board_in_camera(vehicle, board)
         result = detector().detect(RENDERER.render(vehicle, board, 2_000_000, k), None, up)
         if result.found:

@@ -8,6 +8,8 @@ import pytest
 from vehicle.apriltag_library import TagDetector, tag_bitmap
 from vehicle.board import Board, BoardTag, rotation_from_car
 from vehicle.board_print import write_printable
+from vehicle.camera import Camera, platform_visibility
+from vehicle.rotations import from_euler
 
 BOARD = Board()
 
@@ -20,7 +22,7 @@ def test_bitmap_decodes_and_corners_are_where_the_board_says():
     scale, border = 6, 40
     face = np.kron(BOARD.bitmap, np.ones((scale, scale), np.uint8))
     tags = found(np.pad(face, border, constant_values=255))
-    assert sorted(tags) == [0, 1, 2, 3, 4, 5]
+    assert sorted(tags) == list(range(11))
     for tag_id, tag in tags.items():
         xy = BOARD.corners_by_id[tag_id][:, :2]
         # rows run down-slope (-x), columns to the right (-y); the first pixel's centre is half a pixel inside
@@ -30,12 +32,28 @@ def test_bitmap_decodes_and_corners_are_where_the_board_says():
 
 
 def test_small_tags_cover_no_sample_point_of_the_large_one():
-    modules = BOARD.tags[0].width / 8
+    large = BOARD.tags[0]
+    module = large.width / 8
+    samples = (np.arange(10) - 4.5) * module  # cell centres, those of its white ring among them
     for tag in BOARD.tags[1:]:
         ring = tag.width / 2 * 10 / 8
-        for centre in (tag.x, tag.y):
-            nearest = (np.floor(centre / modules + np.array([-0.5, 0.5])) + 0.5) * modules
-            assert np.abs(nearest - centre).min() >= ring - 1e-9
+        covered = [
+            np.abs(samples + at - centre) < ring - 1e-9 for at, centre in ((large.x, tag.x), (large.y, tag.y))
+        ]
+        assert not (covered[0].any() and covered[1].any())
+
+
+def test_a_level_camera_at_contact_has_the_row_of_small_tags_in_its_picture():
+    """A drone that sits level with the board on its centre, however the board is inclined."""
+    camera = Camera()
+    row, below = camera.row(), 0.05
+    for inclination in np.radians([0.0, 30.0, 60.0, 80.0]):
+        platform = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0, inclination, 0.0])
+        normal = rotation_from_car(0.0, inclination)[:, 2]
+        attitude = np.array(from_euler(0.0, -inclination, 0.0))
+        assert platform_visibility(platform[:3] + below * normal, attitude, platform, row) == 1
+    without = camera.row(Board(tags=BOARD.tags[:6]))
+    assert platform_visibility(platform[:3] + below * normal, attitude, platform, without) == 0
 
 
 def test_black_rectangles_are_the_bitmap():
@@ -80,7 +98,7 @@ def test_png_is_true_to_size_and_decodes(tmp_path):
     data = path.read_bytes()
     per_metre = struct.unpack(">I", data[data.index(b"pHYs") + 4 :][:4])[0]
     assert len(face) / per_metre == pytest.approx(0.42, rel=1e-3)
-    assert sorted(found(np.pad(face, 20, constant_values=255))) == [0, 1, 2, 3, 4, 5]
+    assert sorted(found(np.pad(face, 20, constant_values=255))) == list(range(11))
 
 
 def test_svg_and_pdf_draw_the_same_black_area_at_true_size(tmp_path):

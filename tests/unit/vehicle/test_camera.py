@@ -7,9 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vehicle import camera as c
+from vehicle.board import Board, BoardTag
 
 CAM = c.Camera()
 ROW = CAM.row()
+LARGE = BoardTag(0, 0.336, 0.0, 0.0)
+LARGE_ROW = CAM.row(Board(tags=(LARGE,)))
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -94,19 +97,18 @@ def test_incidence_and_range_limits_are_those_of_the_module_size():
         for factor, expected in ((0.99, 1), (1.01, 0)):
             if limit * factor < CAM.max_range:
                 p, R = facing(limit * factor, math.radians(incidence))
-                assert c.board_visibility(np.zeros(3), LEVEL, p, R, ROW) == expected
+                assert c.board_visibility(np.zeros(3), LEVEL, p, R, LARGE_ROW) == expected
     p, R = facing(CAM.max_range * 1.001)
-    assert c.board_visibility(np.zeros(3), LEVEL, p, R, ROW) == 0
+    assert c.board_visibility(np.zeros(3), LEVEL, p, R, LARGE_ROW) == 0
     p, R = facing(0.5, CAM.max_incidence + 0.01)
-    assert c.board_visibility(np.zeros(3), LEVEL, p, R, ROW) == 0
+    assert c.board_visibility(np.zeros(3), LEVEL, p, R, LARGE_ROW) == 0
 
 
 def test_near_the_board_only_the_small_tags_count():
     # At 0.2 m the large tag overfills the picture: 0.336 m are 1216 px
     p, R = facing(0.2)
     assert c.board_visibility(np.zeros(3), LEVEL, p, R, ROW) == 1
-    only_large = CAM.row(small=1e-4)
-    assert c.board_visibility(np.zeros(3), LEVEL, p, R, only_large) == 0
+    assert c.board_visibility(np.zeros(3), LEVEL, p, R, LARGE_ROW) == 0
 
 
 def test_edge_of_the_picture():
@@ -116,7 +118,20 @@ def test_edge_of_the_picture():
     slide = (CAM.cx - CAM.margin_px - half_px) / CAM.fx * 3.0
     for factor, expected in ((0.995, 1), (1.005, 0)):
         for side in (-1.0, 1.0):
-            assert c.board_visibility(np.array([0.0, side * slide * factor, 0.0]), LEVEL, p, R, ROW) == expected
+            assert c.board_visibility(np.array([0.0, side * slide * factor, 0.0]), LEVEL, p, R, LARGE_ROW) == expected
+
+
+def test_a_tag_ahead_counts_though_the_board_s_centre_is_behind_the_camera():
+    platform = np.array([0.0, 0.0, 1.5, 0.0, 3.0, 0.0, 0.0, 0.0])
+    level_on_it = np.array([0.0, 0.0, 1.55])
+    assert c.point_in_camera(level_on_it, LEVEL, platform[:3], ROW)[2] < 0.0
+    assert c.platform_visibility(level_on_it, LEVEL, platform, ROW) == 1
+
+
+def test_a_board_of_too_many_tags_is_refused():
+    tags = [BoardTag(i, 0.0336, 0.0, 0.0) for i in range(c.MOST_TAGS + 1)]
+    with pytest.raises(ValueError, match="17 tags"):
+        CAM.row(Board(tags=tuple(tags)))
 
 
 @settings(max_examples=60)

@@ -98,7 +98,8 @@ def test_blur_is_as_long_as_the_motion():
     picture = RENDERER.render(vehicle, board, 4_000_000, 0).astype(float)
     length = 3.0 * 4e-3 * CAMERA.fx
     R, p, _ = board_in_camera(vehicle, board)
-    u, v = pixels(np.array([[0.0, 0.168, 0.0]]), R, p)[0]  # middle of the large tag's left edge
+    large = BOARD.tags[0]
+    u, v = pixels(np.array([[large.x, large.width / 2, 0.0]]), R, p)[0]  # middle of its left edge
     row = picture[round(v) + 3, round(u) - 20 : round(u) + 21]
     low, high = row[-6:].mean(), row[:6].mean()
     width = np.sum((row > low + 0.1 * (high - low)) & (row < low + 0.9 * (high - low)))
