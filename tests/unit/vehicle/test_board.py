@@ -37,9 +37,7 @@ def test_small_tags_cover_no_sample_point_of_the_large_one():
     samples = (np.arange(10) - 4.5) * module  # cell centres, those of its white ring among them
     for tag in BOARD.tags[1:]:
         ring = tag.width / 2 * 10 / 8
-        covered = [
-            np.abs(samples + at - centre) < ring - 1e-9 for at, centre in ((large.x, tag.x), (large.y, tag.y))
-        ]
+        covered = [np.abs(samples + at - centre) < ring - 1e-9 for at, centre in ((large.x, tag.x), (large.y, tag.y))]
         assert not (covered[0].any() and covered[1].any())
 
 
