@@ -85,7 +85,7 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
     if height < _LOW:
         fall = max(fall, -_FALL * _SINK)
-    # What levels the drone to touch leaves drag unopposed: where it would hang back and hover over the board, it touches.
+    # What levels the drone to touch leaves drag unopposed: it would hang back and hover over the board.
     if away < _PRESS_AWAY and abs(side) < _PRESS_SIDE:
         fall = min(fall, -_PRESS)
     if distance > _VIEW:

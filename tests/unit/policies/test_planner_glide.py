@@ -59,6 +59,14 @@ def test_on_its_way_down_it_asks_for_little():
     assert out[3] == pytest.approx(9.8, abs=0.5)
 
 
+@pytest.mark.parametrize(("away", "sinks"), [(0.15, True), (0.3, False)])
+def test_too_low_it_climbs_back_but_over_the_board_it_touches(away, sinks):
+    out, platform = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
+    p = np.array([-away, 0.0, 1.5 + PLANNER[pp.ROBOT_L] + 0.02])
+    glide(p, np.array([3.0, 0.0, 0.0]), LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
+    assert out[3] < 8.5 if sinks else out[3] > 9.8
+
+
 @pytest.mark.parametrize(("x", "z", "missed"), [(0.5, 1.8, True), (-0.1, 1.4, True), (-0.5, 1.4, False)])
 def test_a_board_passed_over_or_under_was_missed(x, z, missed):
     platform, out = np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0]), np.zeros(4)
