@@ -200,9 +200,8 @@ def board_visibility(vehicle_p, vehicle_q, board_p, board_R, cam):
 
 @njit
 def platform_visibility(vehicle_p, vehicle_q, platform, cam):
-    """`board_visibility` for a platform row [x, y, z, heading, speed, turn_rate, inclination, u]: the form to train on.
-
-    Takes about 80 ns."""
+    """`board_visibility` for a platform row [x, y, z, heading, speed, turn_rate, inclination, u]: the form to train
+    on."""
     ch, sh = math.cos(platform[3]), math.sin(platform[3])
     ci, si = math.cos(platform[6]), math.sin(platform[6])
     c = point_in_camera(vehicle_p, vehicle_q, platform, cam)
