@@ -21,7 +21,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from policies.belief import BoardFilter
+from policies.board_filter import BoardFilter
 from policies.env_config import EnvConfig
 from policies.env_flight import EnvFlight
 from policies.fly import FlyingPolicy, policy_factory

@@ -28,7 +28,7 @@ from hil.platform_motion import hover_start, motion_aux, start_parameter, start_
 from hil.rig import Rig
 from hil.sensing import camera_node, mocap_node, mounted_cameras
 from kernel.random import stream
-from policies.belief import BoardFilter
+from policies.board_filter import BoardFilter
 from policies.contact import ContactRules
 from policies.fly import FlyingPolicy
 from scenarios.draw import Drawn

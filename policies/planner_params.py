@@ -21,8 +21,9 @@ from policies.belief_motion import BeliefParams
     YAW_NEAR, TOUCH_FROM, TOUCH_SPEED, TOUCH_BAND, TOUCH_SKID, TOUCH_EARLY, TOUCH_LATE, TOUCH_KEEP,
     TOUCH_LAG, RUN_SWING, OVERSHOOT_SWING, AIM, MISS, PREDICT_TRUST, FREEZE_FLAT, LEAN, TOUCH_STEEP,
     TOUCH_LEAN, GLIDE_INCLINATION, RUN_SLOW, TOUCH_UNSURE, TOUCH_MISS, IMPACT_UNSURE,
-) = range(95)  # fmt: skip
-COUNT = 95
+    RUN_PULL,
+) = range(96)  # fmt: skip
+COUNT = 96
 
 STEEP: dict[str, float] = {
     "f_max": 17.8,
@@ -37,7 +38,7 @@ STEEP: dict[str, float] = {
     "w_rate": 10.6,
     "impact_speed": 0.85,
     "w_thrust": 2.8,
-    "follow_speed": 2.56,
+    "follow_speed": 3.2,
     "w_postpone": 10.6,
     "replan": 0.025,
     "w_time": 0.64,
@@ -105,10 +106,10 @@ class PlannerParams:
     Tracking: `fade` s before contact position feedback ends; gains; yaw is left alone within `yaw_near` m.
     Run-up (from `run_inclination` on, `run_slow` more for a slow board; there `steep` is also put over the other
     values): thrust and body rate of the flare it leads to; its acceleration, the coast after it, the vertical
-    acceleration (at most); gains; how near (`run_away`) and how straight (`run_turn`) it begins; when before the
-    flare's gate (`run_commit`) and below which cost (`run_cost`) the perch is planned. A board whose speed swings is
-    met while it is slow: the speed foretold for contact must be in the lowest `run_swing` of its range, which widens as
-    other demands.
+    acceleration (at most); gains; speed towards its start by the distance from it (`run_pull` 1/s, `follow_speed` at
+    most); how near (`run_away`) and how straight (`run_turn`) it begins; when before the flare's gate (`run_commit`)
+    and below which cost (`run_cost`) the perch is planned. A board whose speed swings is met while it is slow: the
+    speed foretold for contact must be in the lowest `run_swing` of its range, which widens as other demands.
     Glide: boards flatter than `glide_inclination` (0: none) are not planned for but approached in sight
     (`planner_glide.py`), unless they are known exactly.
     """
@@ -208,6 +209,7 @@ class PlannerParams:
     touch_unsure: float = 3.0
     touch_miss: float = 9.0
     impact_unsure: float = 10.0
+    run_pull: float = 0.8
 
     steep: Mapping[str, float] = field(default_factory=lambda: dict(STEEP))
 

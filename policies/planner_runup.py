@@ -113,8 +113,7 @@ def fly_runup(left, resting, p, v, q, platform, acceleration, gain, params, out)
     error, rate = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(dx * dx + dy * dy + dz * dz)
     pull = kp / kv
     if resting:
-        most = params[pp.FOLLOW_SPEED] / max(error, 1e-6)
-        pull = min(pull, most)
+        pull = min(params[pp.RUN_PULL], params[pp.FOLLOW_SPEED] / max(error, 1e-6))
     forward, side = ax + acceleration - turn * turn * x, turn * (speed + 2.0 * ux)
     bx = forward * c - side * s + kv * (dx + pull * ex)
     by = forward * s + side * c + kv * (dy + pull * ey)

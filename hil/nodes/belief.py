@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil.messages import Belief
 from hil.node import Inbox, Out
-from policies.belief import BoardFilter
+from policies.board_filter import BoardFilter
 
 
 class BeliefNode:

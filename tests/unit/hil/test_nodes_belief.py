@@ -5,7 +5,7 @@ from node_fakes import filled
 
 from hil.messages import Detection, VehicleState
 from hil.nodes.belief import BeliefNode
-from policies.belief import BoardFilter
+from policies.board_filter import BoardFilter
 from vehicle.rotations import from_euler
 
 MS = 1_000_000

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from groundcar.board_pose import board_normal
 from kernel.random import normal, stream
 from policies import belief as b
-from policies.belief import BoardFilter
 from policies.belief_motion import BeliefParams, N, advance_covariance, advance_state
+from policies.board_filter import BoardFilter
 
 PARAMS = BeliefParams()
 MS = 1_000_000

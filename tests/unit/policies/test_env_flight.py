@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from policies.belief import BoardFilter
+from policies.board_filter import BoardFilter
 from policies.env_config import EnvConfig
 from policies.env_flight import EnvFlight
 from policies.fly import OnnxPolicy
