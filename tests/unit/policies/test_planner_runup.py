@@ -75,6 +75,24 @@ def test_at_its_starting_point_with_the_board_s_speed_it_only_holds():
     assert moving > 0.3 and out[1] > 0.5  # behind: nose down
 
 
+@pytest.mark.parametrize(
+    ("behind", "closing"), [(1.0, ROW[pp.RUN_PULL]), (2.0, 2.0 * ROW[pp.RUN_PULL]), (20.0, ROW[pp.FOLLOW_SPEED])]
+)
+def test_to_its_starting_point_it_flies_at_a_speed_by_the_distance_up_to_a_limit(behind, closing):
+    inclination, drag_free = math.radians(70.0), ROW.copy()
+    drag_free[pp.DRAG] = 0.0
+    left = ru.runup_time(inclination, ROW)
+    x, z, *_ = ru.runup_reference(left, inclination, ROW)
+    platform = np.array([0.0, 0.0, 1.5, 0.0, 2.0, 0.0, inclination, 0.0])
+    p, level = np.array([x - behind, 0.0, 1.5 + z]), np.array([1.0, 0.0, 0.0, 0.0])
+    pitch_rates = []
+    for faster in (-0.2, 0.0, 0.2):
+        out, v = np.zeros(4), np.array([2.0 + closing + faster, 0.0, 0.0])
+        ru.fly_runup(left, True, p, v, level, platform, 0.0, 1.0, drag_free, out)
+        pitch_rates.append(out[1])
+    assert pitch_rates[0] > 0.1 and abs(pitch_rates[1]) < 1e-6 and pitch_rates[2] < -0.1
+
+
 def swinging(phase):
     """Past and future of a board whose speed swings between 1.0 and 2.5 m/s every 3 s; `phase` rad is now."""
 
