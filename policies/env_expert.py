@@ -36,7 +36,7 @@ EXPERT_DIM = 32 + 4 * _M
 (E_IMPACT, E_THRUST_FLAT, E_THRUST_STEEP, E_MOVE_FLAT, E_MOVE_STEEP, E_EASE, E_REPLAN, E_FREEZE, E_FADE,
  E_RATE_LAG, E_THRUST_LAG, E_LOW, E_HIGH, E_RATE, E_W_TIME, E_W_POSTPONE, E_W_THRUST, E_W_RATE, E_W_CLEARANCE,
  E_W_SPEED, E_SPEED, E_GIVE_UP, E_OVERDUE, E_AIM, E_MISS, E_W_SMOOTH, E_LOCAL, E_FLATTEN, E_W_VIEW,
- E_BLIND, E_GLIDE) = range(31)  # fmt: skip
+ E_BLIND, E_GLIDE, E_RATE_FLAT) = range(32)  # fmt: skip
 
 _SAMPLES = 12
 _REACH = 0.6  # m, clearance over the board's plane is asked only this near to the board
@@ -56,9 +56,10 @@ class ExpertParams:
     `thrust_steep` m/s^2. Length of the last move: from `move_flat` s on a flat board to `move_steep` on a vertical one;
     `ease` 0..1 takes that share of the body rate at contact away. `replan` s; no plan is made in the last `freeze` s;
     position feedback fades out over the last `fade` s. `rate_lag`, `thrust_lag`: feed-forward ahead. Limits: `low` to
-    `high` thrust asked, and `rate`. Within `aim` s of contact the plan need not end on the centre, by up to `miss` m.
-    `w_*` weights of the cost. Within `local` s the plan under way is kept up, unless its cost is above `give_up` or it
-    is `overdue` s late; `flatten` as `ease`, for what is planned then.
+    `high` thrust asked, and `rate` over a vertical board, over flatter ones less, down to `rate_flat`: what could not
+    turn any faster is not aligned in time where the board bends away. Within `aim` s of contact the plan need not end
+    on the centre, by up to `miss` m. `w_*` weights of the cost. Within `local` s the plan under way is kept up, unless
+    its cost is above `give_up` or it is `overdue` s late; `flatten` as `ease`, for what is planned then.
     `glide`: speed at which the last move begins to close in from behind, on a flat board, so that the camera keeps it.
     `w_view`: cost of a second with the board out of the camera's view, but not in the last `blind` s.
     """
@@ -87,13 +88,14 @@ class ExpertParams:
     give_up: float = 140.0
     overdue: float = 0.19
     aim: float = 0.73
-    miss: float = 0.1
+    miss: float = 0.07
     w_smooth: float = 0.09
     local: float = 0.79
     flatten: float = 0.12
     w_view: float = 6.0
     blind: float = 0.5
     glide: float = 0.5
+    rate_flat: float = 2.3
 
     def row(self) -> np.ndarray:
         """The row for kernels."""
@@ -171,6 +173,7 @@ def _cost(row, at, duration, offset, after, future, step, gain, drag, e, limit):
     """
     motion, platform = row[at : at + _M], row[X_PLATFORM : X_PLATFORM + 8]
     low, high = e[E_LOW] * gain, e[E_HIGH] * gain
+    rate = e[E_RATE_FLAT] + math.sin(future[0, 6]) * (e[E_RATE] - e[E_RATE_FLAT])
     cost, dt = 0.0, duration / _SAMPLES
     for k in range(1, _SAMPLES + 1):
         t = k * dt
@@ -185,7 +188,7 @@ def _cost(row, at, duration, offset, after, future, step, gain, drag, e, limit):
         jx, jy, jz = poly.jerk(motion, 0, t), poly.jerk(motion, _C, t), poly.jerk(motion, 2 * _C, t)
         along = jx * zx + jy * zy + jz * zz
         turn = math.sqrt(max(0.0, jx * jx + jy * jy + jz * jz - along * along)) / f
-        excess = max(0.0, turn - e[E_RATE])
+        excess = max(0.0, turn - rate)
         cost += (e[E_W_RATE] * excess * excess + e[E_W_SMOOTH] * turn * turn) * dt
         excess = max(0.0, math.sqrt(vx * vx + vy * vy + vz * vz) - e[E_SPEED])
         cost += e[E_W_SPEED] * excess * excess * dt

@@ -17,10 +17,12 @@ from policies import planner_params as pp
 from policies.planner_follow import command_acceleration, keep_in_view
 from policies.tracking import yaw_error
 
-_SHORT, _ALONG = 0.08, 0.2  # m behind the board's centre and m/s along it at contact
-_BRAKE, _SINK = 0.85, 0.42  # m/s^2 along the board, m/s down
+_SHORT, _ALONG = 0.07, 0.2  # m behind the board's centre and m/s along it at contact
+_BRAKE, _SINK = 0.87, 0.42  # m/s^2 along the board, m/s down
 _FASTEST, _HIGHEST = 2.6, 1.25  # m/s of closing along the board, m over it: far away no more than that
-_KV, _KV_UP, _KP_SIDE, _KP_UP = 4.3, 6.4, 2.5, 2.9  # 1/s
+_KV, _KV_UP, _KP_SIDE, _KP_UP = 4.15, 6.4, 2.3, 2.9  # 1/s
+_LAST, _MORE = 0.4, 0.8  # m over the board, from where on _KP_SIDE grows, by this share of it at contact
+_AHEAD = 0.12  # s from asking for an acceleration to having it
 _SIDEWAYS, _UPWARD = 2.7, 1.6  # 1/s: sideways speed by (distance + _MARGIN) at most; m/s: correction of height at most
 _LOW, _FALL = 0.36, 1.1  # m over the board, from where on it sinks at most by that many times _SINK
 _MARGIN, _ROOM, _NEAR = 0.3, 0.5, 0.25  # m; error by (distance + _MARGIN) that closing waits for, unless nearer than m
@@ -54,6 +56,10 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     """
     c, s = math.cos(platform[3]), math.sin(platform[3])
     speed, turn = platform[4], platform[5]
+    # The board's own acceleration is asked for along its heading of when the drone will have it.
+    then = platform[3] + _AHEAD * turn
+    bx = acceleration * math.cos(then) - turn * speed * math.sin(then)
+    by = acceleration * math.sin(then) + turn * speed * math.cos(then)
     dx, dy = platform[0] - p[0], platform[1] - p[1]
     distance = math.sqrt(dx * dx + dy * dy)
     behind = min(1.0, max(0.0, (_BEARING - distance) / (_BEARING - _BEHIND)))
@@ -78,10 +84,10 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     # The way down is fixed to the board, so it swings out when the board turns.
     swing = behind * turn
     most = _SIDEWAYS * (_MARGIN + abs(away))
+    stiff = _KP_SIDE * (1.0 + _MORE * min(1.0, max(0.0, 1.0 - height / _LAST)))
     forward = _KV * (closing - nearing) - brake + swing * turn * away
-    sideways = _KV * (min(most, max(-most, _KP_SIDE * side)) - swing * away - drift) + 2.0 * swing * nearing
-    ax = forward * ux - sideways * uy + acceleration * c - turn * speed * s
-    ay = forward * uy + sideways * ux + acceleration * s + turn * speed * c
+    sideways = _KV * (min(most, max(-most, stiff * side)) - swing * away - drift) + 2.0 * swing * nearing
+    ax, ay = forward * ux - sideways * uy + bx, forward * uy + sideways * ux + by
     fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
     if height < _LOW:
         fall = max(fall, -_FALL * _SINK)

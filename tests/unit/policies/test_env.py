@@ -13,6 +13,7 @@ from policies.belief import surface_sigma
 from policies.contact import NORMAL_ERROR, OUTCOME, REASON, REASONS, SUCCESS, TIME_LIMIT
 from policies.env import Env, Tally, fill_future
 from policies.env_config import FAMILIES, TICK, EnvConfig
+from policies.env_expert import ExpertParams
 from policies.env_rows import (
     E_STEPS,
     ENDED_DIM,
@@ -26,6 +27,7 @@ from policies.env_rows import (
     S_VISIBLE,
 )
 from policies.env_teacher import Teacher
+from policies.evaluate import point
 from policies.observation import NEWEST, TAIL, TAIL_DRAG, TAIL_GAIN, USUAL_DRAG, ObservationBuilder
 from vehicle.airframe import DRAG, MASS, MOTOR_LAG, RATE_K
 from vehicle.dynamics import P, Q, V
@@ -223,6 +225,21 @@ def test_teacher_with_foresight_perches():
     good = rows[:, OUTCOME] == SUCCESS
     assert good.mean() > 0.9, [REASONS[int(k)] for k in rows[~good, REASON]]
     assert rows[good, NORMAL_ERROR].max() <= 0.2
+
+
+@pytest.mark.slow
+def test_teacher_turns_in_time_over_flat_boards_that_bend_away():
+    """A turn planned as fast as can be flown comes too late."""
+
+    def misaligned(rate_flat):
+        env = Env(EnvConfig(count=800, seed=12, **point(3.0, 0.0)))
+        env.reset()
+        teacher = Teacher(env, ExpertParams(rate_flat=rate_flat))
+        while len(env.tally.rows) < 800:
+            env.step(teacher.act())
+        return env.tally.causes().get("alignment", 0)
+
+    assert misaligned(ExpertParams().rate_flat) <= 1 < 5 <= misaligned(ExpertParams().rate)
 
 
 def test_future_is_what_happens():

@@ -11,7 +11,7 @@ from policies.env import Env
 from policies.env_config import EnvConfig
 from policies.env_planner import ANALYTIC, PlannerInEnv
 from policies.evaluate import point, run_episodes, summarise
-from policies.planner_glide import _BRAKE, glide, glide_reference
+from policies.planner_glide import _AHEAD, _BRAKE, glide, glide_reference
 from policies.planner_params import PlannerParams
 from policies.prediction import HORIZON, STEP
 from vehicle.board import Board
@@ -65,6 +65,26 @@ def test_too_low_it_climbs_back_but_over_the_board_it_touches(away, sinks):
     p = np.array([-away, 0.0, 1.5 + PLANNER[pp.ROBOT_L] + 0.02])
     glide(p, np.array([3.0, 0.0, 0.0]), LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
     assert out[3] < 8.5 if sinks else out[3] > 9.8
+
+
+def asked(height, sinking=0.4, side=0.0, turn=0.0):
+    """Rates (roll, pitch) that a level drone asks for just behind a board at 3 m/s, in place but for `side` m."""
+    out, platform = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, turn, 0, 0])
+    p = np.array([-0.1, side, 1.5 + PLANNER[pp.ROBOT_L] + height])
+    glide(p, np.array([3.3, 0.0, -sinking]), LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
+    assert out[3] == pytest.approx(9.8, abs=1.0)  # what it leans is sideways thrust, not less of it upward
+    return out[:2]
+
+
+def test_in_a_bend_it_leans_to_where_the_board_will_be_pulled_when_it_has_leaned():
+    roll, pitch = asked(0.05, turn=0.5) - asked(0.05)
+    assert roll < -0.5  # to the left, and back: the board's heading turns on
+    assert -pitch / -roll == pytest.approx(math.tan(0.5 * _AHEAD), abs=0.03)
+
+
+def test_what_it_is_off_to_the_side_counts_for_more_the_lower_it_is():
+    low, high = (asked(*where, side=0.05)[0] - asked(*where)[0] for where in ((0.02, 0.4), (0.5, 1.8)))
+    assert low > 1.5 * high > 0.0
 
 
 @pytest.mark.parametrize(("x", "z", "missed"), [(0.5, 1.8, True), (-0.1, 1.4, True), (-0.5, 1.4, False)])
