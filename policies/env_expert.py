@@ -56,8 +56,8 @@ class ExpertParams:
     `thrust_steep` m/s^2. Length of the last move: from `move_flat` s on a flat board to `move_steep` on a vertical one;
     `ease` 0..1 takes that share of the body rate at contact away. `replan` s; no plan is made in the last `freeze` s;
     position feedback fades out over the last `fade` s. `rate_lag`, `thrust_lag`: feed-forward ahead. Limits: `low` to
-    `high` thrust asked, and `rate` over a vertical board, over flatter ones less, down to `rate_flat`: what could not
-    turn any faster is not aligned in time where the board bends away. Within `aim` s of contact the plan need not end
+    `high` thrust asked, and `rate`, but less over boards below 30 deg, down to `rate_flat`: what could not turn any
+    faster is not aligned in time where a flat board bends away; over slopes it would wait for ever. Within `aim` s of contact the plan need not end
     on the centre, by up to `miss` m. `w_*` weights of the cost. Within `local` s the plan under way is kept up, unless
     its cost is above `give_up` or it is `overdue` s late; `flatten` as `ease`, for what is planned then.
     `glide`: speed at which the last move begins to close in from behind, on a flat board, so that the camera keeps it.
@@ -88,7 +88,7 @@ class ExpertParams:
     give_up: float = 140.0
     overdue: float = 0.19
     aim: float = 0.73
-    miss: float = 0.07
+    miss: float = 0.1
     w_smooth: float = 0.09
     local: float = 0.79
     flatten: float = 0.12
@@ -173,7 +173,7 @@ def _cost(row, at, duration, offset, after, future, step, gain, drag, e, limit):
     """
     motion, platform = row[at : at + _M], row[X_PLATFORM : X_PLATFORM + 8]
     low, high = e[E_LOW] * gain, e[E_HIGH] * gain
-    rate = e[E_RATE_FLAT] + math.sin(future[0, 6]) * (e[E_RATE] - e[E_RATE_FLAT])
+    rate = e[E_RATE_FLAT] + min(1.0, 2.0 * math.sin(future[0, 6])) * (e[E_RATE] - e[E_RATE_FLAT])
     cost, dt = 0.0, duration / _SAMPLES
     for k in range(1, _SAMPLES + 1):
         t = k * dt
