@@ -57,9 +57,9 @@ class ExpertParams:
     `ease` 0..1 takes that share of the body rate at contact away. `replan` s; no plan is made in the last `freeze` s;
     position feedback fades out over the last `fade` s. `rate_lag`, `thrust_lag`: feed-forward ahead. Limits: `low` to
     `high` thrust asked, and `rate`, but less over boards below 30 deg, down to `rate_flat`: what could not turn any
-    faster is not aligned in time where a flat board bends away; over slopes it would wait for ever. Within `aim` s of contact the plan need not end
-    on the centre, by up to `miss` m. `w_*` weights of the cost. Within `local` s the plan under way is kept up, unless
-    its cost is above `give_up` or it is `overdue` s late; `flatten` as `ease`, for what is planned then.
+    faster is not aligned in time where a flat board bends away. Within `aim` s of contact the plan need not end on the
+    centre, by up to `miss` m. `w_*` weights of the cost. Within `local` s the plan under way is kept up, unless its
+    cost is above `give_up` or it is `overdue` s late; `flatten` as `ease`, for what is planned then.
     `glide`: speed at which the last move begins to close in from behind, on a flat board, so that the camera keeps it.
     `w_view`: cost of a second with the board out of the camera's view, but not in the last `blind` s.
     """
