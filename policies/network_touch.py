@@ -9,7 +9,20 @@ from torch import Tensor
 
 from policies.late_flare import ASIDE, CLOSING, LATEST, SHORTEST_TURN, WITHIN
 from policies.observation import RATE_MAX, TAIL_ACTION, TAIL_GAIN, TAIL_R, TAIL_SIGMA, TAIL_V, THRUST_MAX
-from policies.touch_attitude import BAND, BESIDE, FACING, FROM, LAG, MOST, SHORTEST, SLOWEST, UNSURE
+from policies.touch_attitude import (
+    BAND,
+    BANK,
+    BANK_FROM,
+    BANK_MOST,
+    BESIDE,
+    FACING,
+    FROM,
+    LAG,
+    MOST,
+    SHORTEST,
+    SLOWEST,
+    UNSURE,
+)
 from vehicle.airframe import GRAVITY
 
 BELOW, RADIUS = 0.04, 0.13  # m, the underside's disc as in the airframe paper_quad
@@ -37,11 +50,16 @@ def _approach(newest: Tensor, tail: Tensor) -> _Approach:
     return _Approach(n, z, height, beside, closing, (n * z).sum(1, keepdim=True))
 
 
-def _wanted_axis(n: Tensor, turn: Tensor, lean: Tensor) -> Tensor:
+def _wanted_axis(newest: Tensor, left: Tensor, lean: Tensor) -> Tensor:
     """`touch_attitude.wanted_axis`. The slope is the normal's horizontal part turned up."""
-    nx, ny, nz = n[:, 0:1], n[:, 1:2], n[:, 2:3]
+    n, (vx, vy), rate = newest[:, 3:6], newest[:, 6:8].split(1, 1), newest[:, 8:9]
+    nx, ny, nz = n.split(1, 1)
+    level = torch.zeros_like(nx)
     up = torch.cat([-nx * nz, -ny * nz, nx * nx + ny * ny], 1)
-    return n + turn * torch.cat([-ny, nx, torch.zeros_like(nx)], 1) + lean * up
+    pull = torch.cat([-vy, vx, level], 1) * (rate / GRAVITY)
+    size = (pull * pull).sum(1, keepdim=True).clamp(min=_TINY).sqrt()
+    bank = (BANK * (size - BANK_FROM)).clamp(min=0.0, max=BANK_MOST)
+    return n + rate * left * torch.cat([-ny, nx, level], 1) + lean * up + bank / size * pull
 
 
 def _in_body(off: Tensor, tail: Tensor) -> Tensor:
@@ -55,13 +73,13 @@ def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -
     `newest` (B, 10) history entry and `tail` (B, 20), both in the yaw frame; `action` (B, 4), clipped to [-1, 1] where
     it is corrected; `lean` (1,) rad up a vertical slope.
     """
-    n, z, height, beside, closing, cosine = _approach(newest, tail)
+    _, z, height, beside, closing, cosine = _approach(newest, tail)
     edge = BELOW * cosine + RADIUS * (1.0 - cosine * cosine).clamp(min=_TINY).sqrt()
     margin = (UNSURE * tail[:, TAIL_SIGMA : TAIL_SIGMA + 1]).clamp(max=MOST)
     left = (height - edge - margin) / closing.clamp(min=SLOWEST)
     near = (closing >= SLOWEST) & (cosine >= FACING) & (beside <= BESIDE * BESIDE) & (left <= FROM)
     left = left.clamp(min=0.0, max=FROM)
-    wanted = _wanted_axis(n, newest[:, 8:9] * left, lean)
+    wanted = _wanted_axis(newest, left, lean)
     off = _in_body(torch.linalg.cross(z, wanted), tail)
     span = (left - LAG).clamp(min=SHORTEST)
     asked = action.clamp(-1.0, 1.0)
@@ -80,7 +98,7 @@ def flared_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) ->
     left = 2.0 * height / (closing + stopping.clamp(min=_TINY).sqrt()).clamp(min=CLOSING)
     near = (height > 0.0) & (closing >= CLOSING) & (cosine >= 0.0) & (beside <= ASIDE * ASIDE) & (stopping > 0.0)
     left = left.clamp(min=0.0, max=WITHIN + 1.0)
-    wanted = _wanted_axis(n, newest[:, 8:9] * left, lean)
+    wanted = _wanted_axis(newest, left, lean)
     off = torch.linalg.cross(z, wanted)
     sine = (off * off).sum(1, keepdim=True).clamp(min=_TINY).sqrt()
     off = _in_body(off * torch.atan2(sine, (z * wanted).sum(1, keepdim=True)) / sine, tail)

@@ -3,7 +3,8 @@
 A network that has learnt from a planner misses by its attitude where it has speed along the board to spare. So the
 misalignment at contact is foretold from the rates now asked, and what exceeds a band is taken off them. Inside the band
 nothing changes. Over steep boards the band lies about a lean up the slope: thrust then holds against the pull along it,
-and a contact too early or too late skids less.
+and a contact too early or too late skids less. On a board that turns hard it lies about a bank into the turn: a drone
+levelled too early drifts out of it.
 
 The planner calls this kernel; `network_touch.py` says the same in torch, so that an exported network carries it.
 """
@@ -15,6 +16,7 @@ import math
 from groundcar.board_pose import board_normal
 from kernel import njit
 from policies.touch import approach
+from vehicle.airframe import GRAVITY
 from vehicle.rotations import body_z, rotate_back
 
 FROM = 0.12  # s to contact, from where on
@@ -25,19 +27,22 @@ BAND = 0.08  # rad about the wanted axis
 BESIDE = 0.3  # m from the board's centre along its surface
 SLOWEST = 0.1  # m/s towards the board
 FACING = 0.5  # cosine between body z and normal
+BANK, BANK_FROM, BANK_MOST = 0.4, 0.18, 0.04  # share of the bank that a turn takes beyond rad, at most rad
 
 
 @njit
 def wanted_axis(platform, left, lean):
-    """Where body z is wanted in `left` s (3 floats, not normalised): on the board's normal of then, but for the lean.
+    """Where body z is wanted in `left` s (3 floats, not normalised): on the normal of then, but for lean and bank.
 
     `platform` (8,) the board now; `lean` rad up a vertical slope, less up others.
     """
     nx, ny, nz = board_normal(platform)
-    sine = math.sin(platform[6])
+    c, s, sine = math.cos(platform[3]), math.sin(platform[3]), math.sin(platform[6])
     turn, lean = platform[5] * left, lean * sine
-    wx = nx - turn * ny + lean * nz * math.cos(platform[3])
-    wy = ny + turn * nx + lean * nz * math.sin(platform[3])
+    pull = platform[4] * platform[5] / GRAVITY
+    bank = math.copysign(min(BANK_MOST, BANK * max(0.0, abs(pull) - BANK_FROM)), pull)
+    wx = nx - turn * ny + lean * nz * c - bank * s
+    wy = ny + turn * nx + lean * nz * s + bank * c
     return wx, wy, nz + lean * sine
 
 

@@ -14,8 +14,20 @@ from policies.env_config import EnvConfig
 from policies.network import Actor, NetworkConfig
 from policies.network_touch import BELOW, RADIUS, aligned_action
 from policies.observation import NEWEST, OBS_DIM, RATE_MAX, TAIL, build_observation, history_dim, push_history
-from policies.touch_attitude import BAND, BESIDE, FROM, LAG, MOST, SHORTEST, UNSURE, touch_rates
-from vehicle.airframe import load_airframe
+from policies.touch_attitude import (
+    BAND,
+    BANK,
+    BANK_FROM,
+    BANK_MOST,
+    BESIDE,
+    FROM,
+    LAG,
+    MOST,
+    SHORTEST,
+    UNSURE,
+    touch_rates,
+)
+from vehicle.airframe import GRAVITY, load_airframe
 from vehicle.rotations import body_z, from_rotation_vector, integrate
 
 torch.set_num_threads(1)
@@ -92,6 +104,23 @@ def test_by_hand_on_a_flat_board():
     # A rate asked before goes on for 40 ms and takes its part off.
     less = corrected(platform, p, v, q, [0.0, 0.0, 0.0, 9.0], before=(-1.0, 0.0))
     assert less[0] == pytest.approx(-(math.sin(0.2) - 0.04 - BAND) / SHORTEST, rel=1e-9)
+
+
+def test_a_board_that_turns_hard_is_met_banked_into_the_turn():
+    # 2 m/s at -1.2 rad/s takes 0.245 rad of bank to the right: 0.4 of what exceeds 0.18 of it.
+    platform, p, v, _ = situation(0.0, 0.0, 0.0, 0.0, heading=0.0, turn=-1.2)
+    bank = BANK * (2.0 * 1.2 / GRAVITY - BANK_FROM)
+    assert 0.02 < bank < BANK_MOST
+
+    def roll_rate(roll):
+        q = np.array(from_rotation_vector(roll, 0.0, 0.0))
+        return corrected(platform, p, v, q, [0.0, 0.0, 0.0, 9.0])[0]
+
+    axis = np.array([0.0, -bank, 1.0])  # not normalised, as rates are
+    for roll in (0.2, -0.2):
+        off = float(np.cross(body_z(from_rotation_vector(roll, 0.0, 0.0)), axis)[0])
+        assert roll_rate(roll) == pytest.approx((off - math.copysign(BAND, off)) / SHORTEST, rel=1e-9)
+    assert roll_rate(bank + 0.9 * BAND) == 0.0 < roll_rate(-0.9 * BAND)
 
 
 def test_a_surface_that_may_be_nearer_is_answered_earlier():
