@@ -38,7 +38,8 @@ class DaggerConfig:
     `near`: extra weight of a sample close to the board. `ignore`: s before the teacher's contact without labels.
     `foresee`: weight of the auxiliary loss that makes the trunk foretell where the board will be. `average`: decay of
     the averaged weights, which are what flies. `teacher`: how the expert plans. `planner`: what the planner knows that
-    teaches in its place, FORESIGHT or BELIEF (see `env_planner.PlannerTeacher`); empty: the expert teaches."""
+    teaches in its place, FORESIGHT or BELIEF (see `env_planner.PlannerTeacher`); empty: the expert teaches. Over boards
+    steeper than `keep` deg nobody teaches: the student goes on doing what it did when the run began."""
 
     samples: int = 8_000_000
     horizon: int = 32
@@ -56,11 +57,14 @@ class DaggerConfig:
     huber: float = 0.1
     average: float = 0.995
     planner: str = ""
+    keep: float = 90.0
     teacher: ExpertParams = field(default_factory=ExpertParams)
 
     def __post_init__(self) -> None:
         if self.planner not in ("", FORESIGHT, BELIEF):
             raise ValueError(f"planner is '{self.planner}'; it is '{FORESIGHT}', '{BELIEF}' or empty")
+        if not 0.0 <= self.keep <= 90.0:
+            raise ValueError(f"keep is {self.keep}; give an inclination from 0 to 90 deg")
 
 
 class Replay:
@@ -110,8 +114,9 @@ class Dagger:
         torch.manual_seed(env.seed)
         self.actor = (actor or Actor(network)).to(self.device)
         parallel.share_weights(self.actor)
-        self.average = Actor(self.actor.config).to(self.device)
-        self.average.load_state_dict(self.actor.state_dict())
+        self.average, self.before = (Actor(self.actor.config).to(self.device) for _ in range(2))
+        for copy in (self.average, self.before):
+            copy.load_state_dict(self.actor.state_dict())
         self.optimiser = torch.optim.Adam(self.actor.parameters(), lr=config.rate)
         self.rng = np.random.default_rng([env.seed, 1])
         self.env = Env(env)
@@ -146,9 +151,13 @@ class Dagger:
         for _ in range(c.horizon):
             observation = env.rows.observation.copy()
             label = self.teacher.act()
+            kept = env.rows.believed[:, 6] > math.radians(c.keep)
             with torch.no_grad():
-                mean = self.actor(torch.from_numpy(observation).to(self.device)).cpu().numpy()
-            usable = self.teacher.remaining > c.ignore
+                seen = torch.from_numpy(observation).to(self.device)
+                mean = self.actor(seen).cpu().numpy()
+                if kept.any():
+                    label = np.where(kept[:, None], self.before(seen).cpu().numpy(), label)
+            usable = kept | (self.teacher.remaining > c.ignore)
             near = np.linalg.norm(observation[:, NEWEST : NEWEST + 3], axis=1)
             weight = usable * (1.0 + c.near * np.exp(-near / 0.5))
             self.replay.add(observation, label, weight, env.rows.future[:, _AUX])
@@ -186,6 +195,7 @@ class Dagger:
         return {
             "actor": self.actor.state_dict(),
             "average": self.average.state_dict(),
+            "before": self.before.state_dict(),
             "optimiser": self.optimiser.state_dict(),
             "rng": self.rng.bit_generator.state,
             "env": env_state(self.env),
@@ -198,6 +208,7 @@ class Dagger:
         """Inverse of `state`."""
         self.actor.load_state_dict(state["actor"])
         self.average.load_state_dict(state["average"])
+        self.before.load_state_dict(state["before"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.rng.bit_generator.state = state["rng"]
         load_env(self.env, state["env"])

@@ -1,5 +1,8 @@
 """Imitation: it learns, it resumes to the same curve, it stops on numbers that are not finite."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +10,7 @@ import torch
 from policies.dagger import Dagger, DaggerConfig, Replay
 from policies.env_config import EnvConfig
 from policies.network import NetworkConfig
-from policies.observation import OBS_DIM
+from policies.observation import NEWEST, OBS_DIM
 from policies.train_io import TrainingError
 
 torch.set_num_threads(1)
@@ -46,6 +49,21 @@ def test_resume_gives_the_same_curve(mirrored):
         assert torch.equal(a, b)
 
 
+def test_over_steep_boards_it_keeps_what_it_did():
+    run = make(replace(SMALL, keep=30.0))
+    for _ in range(3):
+        run.step()
+    observation = torch.from_numpy(run.replay.observation[: run.replay.filled].astype(np.float32))
+    with torch.no_grad():
+        before, now = run.before(observation).numpy(), run.actor(observation).numpy()
+    off = np.abs(run.replay.label[: run.replay.filled] - before).max(1)
+    upright = observation[:, NEWEST + 5].numpy()
+    steep, flat = upright < math.cos(math.radians(30.5)), upright > math.cos(math.radians(29.5))
+    assert steep.sum() > 400 and flat.sum() > 400
+    assert off[steep].max() < 0.02  # the replay's observations are rounded to half precision
+    assert np.median(off[flat]) > 0.1 and np.abs(now - before).max() > 0.1
+
+
 def test_replay_keeps_the_newest():
     replay = Replay(6)
     for k in range(4):
@@ -66,3 +84,9 @@ def test_numbers_that_are_not_finite_stop_the_run():
 def test_a_planner_that_knows_something_else_is_refused():
     with pytest.raises(ValueError, match="'foresight', 'belief'"):
         DaggerConfig(planner="truth")
+
+
+@pytest.mark.parametrize("keep", [-1.0, 91.0, float("nan")])
+def test_an_inclination_that_no_board_has_is_refused(keep):
+    with pytest.raises(ValueError, match="from 0 to 90 deg"):
+        DaggerConfig(keep=keep)
