@@ -151,7 +151,7 @@ class Dagger:
         for _ in range(c.horizon):
             observation = env.rows.observation.copy()
             label = self.teacher.act()
-            kept = env.rows.believed[:, 6] > math.radians(c.keep)
+            kept = env.rows.track[:, 0, 6] > math.radians(c.keep)  # the true inclination: a belief of it passes 90 deg
             with torch.no_grad():
                 seen = torch.from_numpy(observation).to(self.device)
                 mean = self.actor(seen).cpu().numpy()
