@@ -21,9 +21,9 @@ from policies import train_parallel as parallel
 from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import EnvConfig
-from policies.env_expert import ExpertParams
 from policies.env_planner import BELIEF, FORESIGHT, PlannerTeacher
 from policies.env_teacher import Teacher
+from policies.expert_params import ExpertParams
 from policies.network import FORESEEN, Actor, NetworkConfig
 from policies.observation import NEWEST, OBS_DIM
 from policies.train_io import TrainingError, env_state, load_env

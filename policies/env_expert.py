@@ -9,14 +9,49 @@ from zero to that of the body z axis on the board's normal. Near the board only 
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
-
-import numpy as np
 
 from kernel import njit
 from policies import planner_polynomial as poly
 from policies.env_config import TICK
 from policies.env_rows import S_STEP
+from policies.expert_cost import motion_cost
+from policies.expert_params import (
+    AXIS,
+    E_AIM,
+    E_EASE,
+    E_FADE,
+    E_FLATTEN,
+    E_FREEZE,
+    E_GIVE_UP,
+    E_GLIDE,
+    E_IMPACT,
+    E_LOCAL,
+    E_MISS,
+    E_MOVE_FLAT,
+    E_MOVE_STEEP,
+    E_OVERDUE,
+    E_RATE_LAG,
+    E_REPLAN,
+    E_THRUST_FLAT,
+    E_THRUST_LAG,
+    E_THRUST_STEEP,
+    E_W_POSTPONE,
+    E_W_TIME,
+    MOTION,
+    X_BEGUN,
+    X_CONTACT,
+    X_COST,
+    X_FIRST,
+    X_MIDDLE,
+    X_NEXT,
+    X_PLATFORM,
+    X_READY,
+    X_SECOND,
+    X_START,
+    X_TARGET,
+    X_TRY1,
+    X_TRY2,
+)
 from policies.planner_follow import face
 from policies.prediction import platform_at
 from policies.tracking import track_force
@@ -24,82 +59,10 @@ from vehicle.airframe import DRAG, GRAVITY, MASS, MOTOR_THRUST
 from vehicle.dynamics import MOTOR, P, Q, V
 from vehicle.rotations import body_z
 
-# Indices of an expert row.
-X_READY, X_BEGUN, X_MIDDLE, X_CONTACT, X_NEXT, X_COST = 0, 1, 2, 3, 4, 5
-_C = poly.COEFFICIENTS
-_M = 3 * _C
-X_FIRST, X_SECOND = 6, 6 + _M
-X_TRY1, X_TRY2 = 6 + 2 * _M, 6 + 3 * _M
-X_START, X_TARGET, X_PLATFORM = 6 + 4 * _M, 15 + 4 * _M, 24 + 4 * _M
-EXPERT_DIM = 32 + 4 * _M
-
-(E_IMPACT, E_THRUST_FLAT, E_THRUST_STEEP, E_MOVE_FLAT, E_MOVE_STEEP, E_EASE, E_REPLAN, E_FREEZE, E_FADE,
- E_RATE_LAG, E_THRUST_LAG, E_LOW, E_HIGH, E_RATE, E_W_TIME, E_W_POSTPONE, E_W_THRUST, E_W_RATE, E_W_CLEARANCE,
- E_W_SPEED, E_SPEED, E_GIVE_UP, E_OVERDUE, E_AIM, E_MISS, E_W_SMOOTH, E_LOCAL, E_FLATTEN, E_W_VIEW,
- E_BLIND, E_GLIDE, E_RATE_FLAT) = range(32)  # fmt: skip
-
-_SAMPLES = 12
-_REACH = 0.6  # m, clearance over the board's plane is asked only this near to the board
-_GROUND = 0.35  # m
-_TILT, _HALF_VIEW = math.radians(15.0), math.radians(22.0)  # camera below body x, half its vertical field of view
 _LONG, _SHORT = 18, 6  # durations tried
 _NEAR = (-0.05, -0.025, 0.0, 0.025, 0.05, 0.1)  # s, changes of the contact's time tried for a plan near contact
 _LONGEST = 8.4  # the longest duration over the shortest, 0.5 s
 _REFINE = 3  # halvings of the step around the best duration
-
-
-@dataclass(frozen=True)
-class ExpertParams:
-    """How the expert perches. SI units, rad.
-
-    `impact`: speed into the board. Thrust at contact: `thrust_flat` (of gravity's part along the normal), but at least
-    `thrust_steep` m/s^2. Length of the last move: from `move_flat` s on a flat board to `move_steep` on a vertical one;
-    `ease` 0..1 takes that share of the body rate at contact away. `replan` s; no plan is made in the last `freeze` s;
-    position feedback fades out over the last `fade` s. `rate_lag`, `thrust_lag`: feed-forward ahead. Limits: `low` to
-    `high` thrust asked, and `rate`, but less over boards below 30 deg, down to `rate_flat`: what could not turn any
-    faster is not aligned in time where a flat board bends away. Within `aim` s of contact the plan need not end on the
-    centre, by up to `miss` m. `w_*` weights of the cost. Within `local` s the plan under way is kept up, unless its
-    cost is above `give_up` or it is `overdue` s late; `flatten` as `ease`, for what is planned then.
-    `glide`: speed at which the last move begins to close in from behind, on a flat board, so that the camera keeps it.
-    `w_view`: cost of a second with the board out of the camera's view, but not in the last `blind` s.
-    """
-
-    impact: float = 0.42
-    thrust_flat: float = 0.9
-    thrust_steep: float = 11.6
-    move_flat: float = 0.4
-    move_steep: float = 0.455
-    ease: float = 0.86
-    replan: float = 0.05
-    freeze: float = 0.2
-    fade: float = 0.22
-    rate_lag: float = 0.031
-    thrust_lag: float = 0.05
-    low: float = 4.72
-    high: float = 14.0
-    rate: float = 3.0
-    w_time: float = 4.9
-    w_postpone: float = 2.8
-    w_thrust: float = 2.8
-    w_rate: float = 1.5
-    w_clearance: float = 1000.0
-    w_speed: float = 2.0
-    speed: float = 5.0
-    give_up: float = 140.0
-    overdue: float = 0.19
-    aim: float = 0.73
-    miss: float = 0.1
-    w_smooth: float = 0.09
-    local: float = 0.79
-    flatten: float = 0.12
-    w_view: float = 6.0
-    blind: float = 0.5
-    glide: float = 0.5
-    rate_flat: float = 2.3
-
-    def row(self) -> np.ndarray:
-        """The row for kernels."""
-        return np.array(astuple(self), dtype=np.float64)
 
 
 @njit
@@ -126,7 +89,7 @@ def _fit_move(row, future, step, contact, e):
         ahead = ch if k == 0 else (sh if k == 1 else 0.0)
         begin[3 + k] += glide * ahead
         begin[k] -= 0.5 * glide * length * ahead
-        poly.fit_axis(begin[k], begin[3 + k], 0.0, p, v, a, length, 0.0, row, X_TRY2 + k * _C)
+        poly.fit_axis(begin[k], begin[3 + k], 0.0, p, v, a, length, 0.0, row, X_TRY2 + k * AXIS)
     return length
 
 
@@ -161,61 +124,8 @@ def _fit_end(row, future, step, contact, e):
     for k in range(3):
         p = platform[k] + 0.03 * n[k] + free * natural[k]
         poly.fit_axis(
-            start[k], start[3 + k], start[6 + k], p, end[k], end[3 + k], contact, e[E_FLATTEN], row, X_TRY1 + k * _C
+            start[k], start[3 + k], start[6 + k], p, end[k], end[3 + k], contact, e[E_FLATTEN], row, X_TRY1 + k * AXIS
         )
-
-
-@njit
-def _cost(row, at, duration, offset, after, future, step, gain, drag, e, limit):
-    """Cost of the motion at row[at:] over `duration`, from `offset` s from now until `after` s before contact.
-
-    Stops early above `limit`.
-    """
-    motion, platform = row[at : at + _M], row[X_PLATFORM : X_PLATFORM + 8]
-    low, high = e[E_LOW] * gain, e[E_HIGH] * gain
-    rate = e[E_RATE_FLAT] + min(1.0, 2.0 * math.sin(future[0, 6])) * (e[E_RATE] - e[E_RATE_FLAT])
-    cost, dt = 0.0, duration / _SAMPLES
-    for k in range(1, _SAMPLES + 1):
-        t = k * dt
-        vx, vy, vz = poly.velocity(motion, 0, t), poly.velocity(motion, _C, t), poly.velocity(motion, 2 * _C, t)
-        fx = poly.acceleration(motion, 0, t) + drag * vx
-        fy = poly.acceleration(motion, _C, t) + drag * vy
-        fz = poly.acceleration(motion, 2 * _C, t) + drag * vz + GRAVITY
-        f = max(0.5, math.sqrt(fx * fx + fy * fy + fz * fz))
-        zx, zy, zz = fx / f, fy / f, fz / f
-        excess = max(0.0, low - f, f - high)
-        cost += e[E_W_THRUST] * excess * excess * dt
-        jx, jy, jz = poly.jerk(motion, 0, t), poly.jerk(motion, _C, t), poly.jerk(motion, 2 * _C, t)
-        along = jx * zx + jy * zy + jz * zz
-        turn = math.sqrt(max(0.0, jx * jx + jy * jy + jz * jz - along * along)) / f
-        excess = max(0.0, turn - rate)
-        cost += (e[E_W_RATE] * excess * excess + e[E_W_SMOOTH] * turn * turn) * dt
-        excess = max(0.0, math.sqrt(vx * vx + vy * vy + vz * vz) - e[E_SPEED])
-        cost += e[E_W_SPEED] * excess * excess * dt
-        x, y, z = poly.position(motion, 0, t), poly.position(motion, _C, t), poly.position(motion, 2 * _C, t)
-        short = max(0.0, _GROUND - z)
-        cost += e[E_W_CLEARANCE] * short * short * dt
-        left = after + duration - t
-        if left > 1e-6:
-            platform_at(future, step, offset + t, platform)
-            dx, dy, dz = x - platform[0], y - platform[1], z - platform[2]
-            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-            si, ci = math.sin(platform[6]), math.cos(platform[6])
-            nx, ny, nz = -si * math.cos(platform[3]), -si * math.sin(platform[3]), ci
-            height = nx * dx + ny * dy + nz * dz
-            if distance < _REACH:
-                cosine = nx * zx + ny * zy + nz * zz
-                edge = 0.04 * cosine + 0.13 * math.sqrt(max(0.0, 1.0 - cosine * cosine))
-                short = max(0.0, edge + 0.05 * min(1.0, left / 0.3) - height)
-                cost += e[E_W_CLEARANCE] * short * short * dt
-            if e[E_W_VIEW] > 0.0 and left > e[E_BLIND]:
-                # Angle of the board below the body's x-y plane: the drone is taken to face the board.
-                below = math.asin(min(1.0, max(-1.0, (dx * zx + dy * zy + dz * zz) / max(distance, 1e-6))))
-                out = max(0.0, abs(below - _TILT) - _HALF_VIEW) + max(0.0, 0.2 - height / max(distance, 1e-6))
-                cost += e[E_W_VIEW] * min(1.0, 5.0 * out) * dt
-        if cost > limit:
-            return cost
-    return cost
 
 
 @njit
@@ -228,16 +138,16 @@ def _try_pair(row, t, contact, late, future, step, gain, drag, e):
         return
     for k in range(3):
         poly.fit_axis(
-            start[k], start[3 + k], start[6 + k], begin[k], begin[3 + k], 0.0, duration, 0.0, row, X_TRY1 + k * _C
+            start[k], start[3 + k], start[6 + k], begin[k], begin[3 + k], 0.0, duration, 0.0, row, X_TRY1 + k * AXIS
         )
     cost = e[E_W_TIME] * contact + e[E_W_POSTPONE] * max(0.0, late)
     if cost < row[X_COST]:
-        cost += _cost(row, X_TRY1, duration, 0.0, length, future, step, gain, drag, e, row[X_COST] - cost)
+        cost += motion_cost(row, X_TRY1, duration, 0.0, length, future, step, gain, drag, e, row[X_COST] - cost)
     if cost < row[X_COST]:
-        cost += _cost(row, X_TRY2, length, duration, 0.0, future, step, gain, drag, e, row[X_COST] - cost)
+        cost += motion_cost(row, X_TRY2, length, duration, 0.0, future, step, gain, drag, e, row[X_COST] - cost)
     if cost < row[X_COST]:
         row[X_COST] = cost
-        row[X_FIRST : X_FIRST + 2 * _M] = row[X_TRY1 : X_TRY1 + 2 * _M]
+        row[X_FIRST : X_FIRST + 2 * MOTION] = row[X_TRY1 : X_TRY1 + 2 * MOTION]
         row[X_BEGUN], row[X_MIDDLE], row[X_CONTACT] = t, t + duration, t + contact
 
 
@@ -247,10 +157,10 @@ def _try_end(row, t, contact, late, future, step, gain, drag, e):
     _fit_end(row, future, step, contact, e)
     cost = e[E_W_TIME] * contact + e[E_W_POSTPONE] * max(0.0, late)
     if cost < row[X_COST]:
-        cost += _cost(row, X_TRY1, contact, 0.0, 0.0, future, step, gain, drag, e, row[X_COST] - cost)
+        cost += motion_cost(row, X_TRY1, contact, 0.0, 0.0, future, step, gain, drag, e, row[X_COST] - cost)
     if cost < row[X_COST]:
         row[X_COST] = cost
-        row[X_SECOND : X_SECOND + _M] = row[X_TRY1 : X_TRY1 + _M]
+        row[X_SECOND : X_SECOND + MOTION] = row[X_TRY1 : X_TRY1 + MOTION]
         row[X_BEGUN], row[X_MIDDLE], row[X_CONTACT] = t, t, t + contact
 
 
@@ -287,7 +197,7 @@ def _follow(row, t, vehicle, platform, gain, drag, e, planner, out):
     """CTBR that follows the plan at time `t`."""
     second = t >= row[X_MIDDLE]
     at = X_SECOND if second else X_FIRST
-    motion = row[at : at + _M]
+    motion = row[at : at + MOTION]
     end = row[X_CONTACT] if second else row[X_MIDDLE]
     begun = row[X_BEGUN] if not second or row[X_MIDDLE] <= row[X_BEGUN] else row[X_MIDDLE]
     duration = end - begun
@@ -297,24 +207,24 @@ def _follow(row, t, vehicle, platform, gain, drag, e, planner, out):
     p, v, q = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4]
     x = row[X_START : X_START + 9]
     for k in range(3):
-        gap = 10.0 * (poly.position(motion, k * _C, now) - p[k]) + 6.0 * (poly.velocity(motion, k * _C, now) - v[k])
+        gap = 10.0 * (poly.position(motion, k * AXIS, now) - p[k]) + 6.0 * (poly.velocity(motion, k * AXIS, now) - v[k])
         x[k] = fade * gap + drag * v[k] + (GRAVITY if k == 2 else 0.0)
     fx, fy, fz = (
         x[0] + poly.acceleration(motion, 0, now),
-        x[1] + poly.acceleration(motion, _C, now),
-        x[2] + poly.acceleration(motion, 2 * _C, now),
+        x[1] + poly.acceleration(motion, AXIS, now),
+        x[2] + poly.acceleration(motion, 2 * AXIS, now),
     )
     gx, gy, gz = (
         x[0] + poly.acceleration(motion, 0, ahead),
-        x[1] + poly.acceleration(motion, _C, ahead),
-        x[2] + poly.acceleration(motion, 2 * _C, ahead),
+        x[1] + poly.acceleration(motion, AXIS, ahead),
+        x[2] + poly.acceleration(motion, 2 * AXIS, ahead),
     )
-    jx, jy, jz = poly.jerk(motion, 0, ahead), poly.jerk(motion, _C, ahead), poly.jerk(motion, 2 * _C, ahead)
+    jx, jy, jz = poly.jerk(motion, 0, ahead), poly.jerk(motion, AXIS, ahead), poly.jerk(motion, 2 * AXIS, ahead)
     zx, zy, zz = body_z(q)
     thrust = (
         (x[0] + poly.acceleration(motion, 0, soon)) * zx
-        + (x[1] + poly.acceleration(motion, _C, soon)) * zy
-        + (x[2] + poly.acceleration(motion, 2 * _C, soon)) * zz
+        + (x[1] + poly.acceleration(motion, AXIS, soon)) * zy
+        + (x[2] + poly.acceleration(motion, 2 * AXIS, soon)) * zz
     )
     yaw_rate = face(q, p, platform, planner) if left > 0.4 else 0.0
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, planner, out)

@@ -9,9 +9,10 @@ from policies.belief import belief_covariance
 from policies.belief_motion import ACCEL_TAU
 from policies.env import Env, fill_future
 from policies.env_config import TICK
-from policies.env_expert import EXPERT_DIM, X_CONTACT, X_READY, ExpertParams, expert_due, expert_step
+from policies.env_expert import expert_due, expert_step
 from policies.env_observe import true_gain
 from policies.env_rows import S_STEP
+from policies.expert_params import EXPERT_DIM, X_CONTACT, X_READY, ExpertParams
 from policies.observation import action_from_command
 from policies.planner_params import PlannerParams
 from policies.prediction import CTRV_ACCELERATION, HORIZON, STEP, predict_future

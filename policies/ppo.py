@@ -23,9 +23,9 @@ from policies import train_parallel as parallel
 from policies.contact import NORMAL_SPEED, OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import EnvConfig
-from policies.env_expert import ExpertParams
 from policies.env_rows import FUTURE_DIM
 from policies.env_teacher import Teacher
+from policies.expert_params import ExpertParams
 from policies.network import Actor, Critic, NetworkConfig
 from policies.observation import OBS_DIM
 from policies.train_io import TrainingError, env_state, load_env

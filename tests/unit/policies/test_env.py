@@ -13,7 +13,6 @@ from policies.belief import surface_sigma
 from policies.contact import NORMAL_ERROR, OUTCOME, REASON, REASONS, SUCCESS, TIME_LIMIT
 from policies.env import Env, Tally, fill_future
 from policies.env_config import FAMILIES, TICK, EnvConfig
-from policies.env_expert import ExpertParams
 from policies.env_rows import (
     E_STEPS,
     ENDED_DIM,
@@ -28,6 +27,7 @@ from policies.env_rows import (
 )
 from policies.env_teacher import Teacher
 from policies.evaluate import point
+from policies.expert_params import ExpertParams
 from policies.observation import NEWEST, TAIL, TAIL_DRAG, TAIL_GAIN, USUAL_DRAG, ObservationBuilder
 from vehicle.airframe import DRAG, MASS, MOTOR_LAG, RATE_K
 from vehicle.dynamics import P, Q, V
