@@ -14,12 +14,16 @@ import math
 
 from kernel import njit
 from policies import planner_params as pp
+from policies.observation import USUAL_DRAG
 from policies.planner_follow import command_acceleration, keep_in_view
 from policies.tracking import yaw_error
 
 _SHORT, _ALONG = 0.07, 0.2  # m behind the board's centre and m/s along it at contact
-_BRAKE, _SINK = 0.87, 0.42  # m/s^2 along the board, m/s down
+_BRAKE, _SINK = 0.87, 0.42  # m/s^2 along the board, m/s down (see `glide_sink`)
 _FASTEST, _HIGHEST = 2.6, 1.25  # m/s of closing along the board, m over it: far away no more than that
+_BY_DRAG, _MOST_DRAG = 0.2, 0.3  # m/s of it by 1/s of drag beyond the usual, 1/s: drag counts no more than that
+_BY_TURN, _USUAL_TURN, _HARD = 0.07, 0.35, 1.05  # m/s less by rad/s of the board's turn beyond the usual, at most
+_BY_AGE, _YOUNG, _OLD = 0.27, 0.045, 0.15  # m/s more by s without a detection beyond the usual, at most
 _KV, _KV_UP, _KP_SIDE, _KP_UP = 4.15, 6.4, 2.3, 2.9  # 1/s
 _LAST, _MORE = 0.4, 0.8  # m over the board, from where on _KP_SIDE grows, by this share of it at contact
 _AHEAD = 0.12  # s from asking for an acceleration to having it
@@ -36,15 +40,29 @@ _PASSED, _UNDER = -0.3, -0.06  # m: beyond the centre, or below the surface: it 
 
 
 @njit
-def glide_reference(away):
-    """(closing m/s, sink m/s by m/s of closing, height m, s to contact) where the board's centre is `away` m ahead."""
+def glide_sink(drag, turn, age):
+    """How fast to come down, m/s: `drag` 1/s of the drone, `turn` rad/s of the board, `age` s since the last detection.
+
+    Without drag to brake it the drone leans back and loses the board from its picture, unless it comes lower; a turn
+    takes time to follow; and what is out of sight becomes no better known by waiting.
+    """
+    dragged, turning = min(_MOST_DRAG, drag - USUAL_DRAG), min(_HARD, abs(turn)) - _USUAL_TURN
+    return _SINK + _BY_DRAG * dragged - _BY_TURN * turning + _BY_AGE * (min(_OLD, age) - _YOUNG)
+
+
+@njit
+def glide_reference(away, sink):
+    """(closing m/s, sink m/s by m/s of closing, height m, s to contact) where the board's centre is `away` m ahead.
+
+    `sink` m/s, constant until contact.
+    """
     if away <= _SHORT:
         left = (away - _SHORT) / _ALONG
-        return _ALONG, _SINK / _ALONG, _SINK * left, left
+        return _ALONG, sink / _ALONG, sink * left, left
     closing = math.sqrt(_ALONG * _ALONG + 2.0 * _BRAKE * (away - _SHORT))
     left = (closing - _ALONG) / _BRAKE
-    height = _SINK * left
-    return min(_FASTEST, closing), (_SINK / closing if height < _HIGHEST else 0.0), min(_HIGHEST, height), left
+    height = sink * left
+    return min(_FASTEST, closing), (sink / closing if height < _HIGHEST else 0.0), min(_HIGHEST, height), left
 
 
 @njit
@@ -71,7 +89,8 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     ux, uy = ux / norm, uy / norm
     away, side = dx * ux + dy * uy, dy * ux - dx * uy
     height = p[2] - platform[2] - params[pp.ROBOT_L]
-    closing, sink, wanted, left = glide_reference(away)
+    falling = glide_sink(params[pp.DRAG], turn, age)
+    closing, sink, wanted, left = glide_reference(away, falling)
     brake = _BRAKE if left > 0.0 and closing < _FASTEST else 0.0
     if away > _NEAR:
         error = math.sqrt(0.5 * side * side + 0.6 * (height - wanted) * (height - wanted))
@@ -90,7 +109,7 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     ax, ay = forward * ux - sideways * uy + bx, forward * uy + sideways * ux + by
     fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
     if height < _LOW:
-        fall = max(fall, -_FALL * _SINK)
+        fall = max(fall, -_FALL * falling)
     # What levels the drone to touch leaves drag unopposed: it would hang back and hover over the board.
     if away < _PRESS_AWAY and abs(side) < _PRESS_SIDE:
         fall = min(fall, -_PRESS)

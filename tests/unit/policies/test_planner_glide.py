@@ -11,7 +11,7 @@ from policies.env import Env
 from policies.env_config import EnvConfig
 from policies.env_planner import ANALYTIC, PlannerInEnv
 from policies.evaluate import point, run_episodes, summarise
-from policies.planner_glide import _AHEAD, _BRAKE, glide, glide_reference
+from policies.planner_glide import _AHEAD, _BRAKE, _SINK, glide, glide_reference, glide_sink
 from policies.planner_params import PlannerParams
 from policies.prediction import HORIZON, STEP
 from vehicle.board import Board
@@ -31,16 +31,26 @@ def flown(**changes):
 @given(st.floats(0.0, 3.0))
 def test_heights_and_speeds_of_the_way_down_belong_together(away):
     step = 1e-5
-    closing, sink, height, left = glide_reference(away)
-    _, _, higher, longer = glide_reference(away + step)
+    closing, sink, height, left = glide_reference(away, _SINK)
+    _, _, higher, longer = glide_reference(away + step, _SINK)
     assert (higher - height) / step == pytest.approx(sink, abs=0.01)
     assert (longer - left) * closing == pytest.approx(step, rel=0.01)
+
+
+@given(st.floats(0.0, 1.0), st.floats(-2.0, 2.0), st.floats(0.0, 10.0))
+def test_it_comes_down_slower_without_drag_and_in_turns_and_faster_unseen(drag, turn, age):
+    sink = glide_sink(drag, turn, age)
+    assert 0.25 < sink < 0.55
+    assert glide_sink(0.0, turn, age) <= sink <= glide_sink(1.0, turn, age)
+    assert glide_sink(drag, 2.0, age) <= sink <= glide_sink(drag, 0.0, age)
+    assert glide_sink(drag, turn, 0.0) <= sink <= glide_sink(drag, turn, 10.0)
+    assert sink == glide_sink(drag, -turn, age)
 
 
 @pytest.mark.parametrize("away", [0.12, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5])
 def test_along_it_the_camera_sees_the_board_s_front_tag(away):
     """At 3 m/s drag takes the nose down, braking takes it up: the angle below body x at which the tag appears."""
-    _, _, height, _ = glide_reference(away)
+    _, _, height, _ = glide_reference(away, _SINK)
     front = max(Board().tags, key=lambda tag: tag.x)
     tag, camera = front.x - front.width / 2, Camera().offset[0]  # m ahead of the board's centre, ahead of the drone's
     depression = math.atan2(height + PLANNER[pp.ROBOT_L], away + tag - camera)
@@ -51,7 +61,7 @@ def test_along_it_the_camera_sees_the_board_s_front_tag(away):
 def test_on_its_way_down_it_asks_for_little():
     out, platform = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
     away = 0.6
-    closing, sink, height, _ = glide_reference(away)
+    closing, sink, height, _ = glide_reference(away, _SINK)
     p = np.array([-away, 0.0, 1.5 + PLANNER[pp.ROBOT_L] + height])
     v = np.array([3.0 + closing, 0.0, -sink * closing])
     assert not glide(p, v, LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
