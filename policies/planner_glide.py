@@ -43,8 +43,8 @@ _PASSED, _UNDER = -0.3, -0.06  # m: beyond the centre, or below the surface: it 
 def glide_sink(drag, turn, age):
     """How fast to come down, m/s: `drag` 1/s of the drone, `turn` rad/s of the board, `age` s since the last detection.
 
-    Without drag to brake it the drone leans back and loses the board from its picture, unless it comes lower; a turn
-    takes time to follow; and what is out of sight becomes no better known by waiting.
+    Without drag to brake it the drone leans back and its camera loses the board sooner; slower, it comes in lower. How
+    much each counts was found by flying.
     """
     dragged, turning = min(_MOST_DRAG, drag - USUAL_DRAG), min(_HARD, abs(turn)) - _USUAL_TURN
     return _SINK + _BY_DRAG * dragged - _BY_TURN * turning + _BY_AGE * (min(_OLD, age) - _YOUNG)

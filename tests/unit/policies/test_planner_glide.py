@@ -11,7 +11,7 @@ from policies.env import Env
 from policies.env_config import EnvConfig
 from policies.env_planner import ANALYTIC, PlannerInEnv
 from policies.evaluate import point, run_episodes, summarise
-from policies.planner_glide import _AHEAD, _BRAKE, _SINK, glide, glide_reference, glide_sink
+from policies.planner_glide import _AHEAD, _BRAKE, glide, glide_reference, glide_sink
 from policies.planner_params import PlannerParams
 from policies.prediction import HORIZON, STEP
 from vehicle.board import Board
@@ -19,6 +19,7 @@ from vehicle.camera import Camera
 
 PLANNER = PlannerParams().row()
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+SINK = glide_sink(PLANNER[pp.DRAG], 0.0, 0.0)  # of a board that goes straight on and was seen just now
 T1 = {"stage": "vision", "seed": 3, "noise_scale": (1.0, 1.0), **point(3.0, 0.0)}
 
 
@@ -31,8 +32,8 @@ def flown(**changes):
 @given(st.floats(0.0, 3.0))
 def test_heights_and_speeds_of_the_way_down_belong_together(away):
     step = 1e-5
-    closing, sink, height, left = glide_reference(away, _SINK)
-    _, _, higher, longer = glide_reference(away + step, _SINK)
+    closing, sink, height, left = glide_reference(away, SINK)
+    _, _, higher, longer = glide_reference(away + step, SINK)
     assert (higher - height) / step == pytest.approx(sink, abs=0.01)
     assert (longer - left) * closing == pytest.approx(step, rel=0.01)
 
@@ -50,7 +51,7 @@ def test_it_comes_down_slower_without_drag_and_in_turns_and_faster_unseen(drag, 
 @pytest.mark.parametrize("away", [0.12, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5])
 def test_along_it_the_camera_sees_the_board_s_front_tag(away):
     """At 3 m/s drag takes the nose down, braking takes it up: the angle below body x at which the tag appears."""
-    _, _, height, _ = glide_reference(away, _SINK)
+    _, _, height, _ = glide_reference(away, SINK)
     front = max(Board().tags, key=lambda tag: tag.x)
     tag, camera = front.x - front.width / 2, Camera().offset[0]  # m ahead of the board's centre, ahead of the drone's
     depression = math.atan2(height + PLANNER[pp.ROBOT_L], away + tag - camera)
@@ -61,7 +62,7 @@ def test_along_it_the_camera_sees_the_board_s_front_tag(away):
 def test_on_its_way_down_it_asks_for_little():
     out, platform = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
     away = 0.6
-    closing, sink, height, _ = glide_reference(away, _SINK)
+    closing, sink, height, _ = glide_reference(away, SINK)
     p = np.array([-away, 0.0, 1.5 + PLANNER[pp.ROBOT_L] + height])
     v = np.array([3.0 + closing, 0.0, -sink * closing])
     assert not glide(p, v, LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
