@@ -10,6 +10,7 @@ against normal) that an MLP of this size approximates poorly near contact. They 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import torch
@@ -153,10 +154,12 @@ class Actor(nn.Module):
         nn.init.uniform_(self.head.weight, -0.01, 0.01)
         nn.init.zeros_(self.head.bias)
 
-    def forward(self, observation: Tensor) -> Tensor:
-        action = self.head(self.trunk(observation))
+    def forward(self, observation: Tensor, head: Callable[[Tensor], Tensor] | None = None) -> Tensor:
+        """The mean action; `head` in place of the actor's own, from features (B, width) to an action (B, 4)."""
+        head = head or self.head
+        action = head(self.trunk(observation))
         if self.config.mirrored:
-            reflected = self.action_signs * self.head(self.trunk(observation * self.observation_signs))
+            reflected = self.action_signs * head(self.trunk(observation * self.observation_signs))
             action = 0.5 * (action + reflected)
         if not self.config.aligned:
             return action

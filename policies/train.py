@@ -20,7 +20,8 @@ import torch
 from policies import train_parallel as parallel
 from policies.dagger import Dagger, DaggerConfig
 from policies.network import Actor, NetworkConfig
-from policies.ppo import Ppo
+from policies.pgpe import Pgpe, PgpeConfig
+from policies.ppo import Ppo, PpoConfig
 from policies.train_actor import POLICY, keep_actor, load_actor
 from policies.train_io import (
     Curve,
@@ -38,6 +39,9 @@ from policies.widen import widened
 CHECKPOINT, CURVE, PICTURE, LOG = "checkpoint.pt", "curve.csv", "curve.svg", "log.txt"
 SAVE_EVERY = 50.0  # s
 
+_LEARNERS = {DaggerConfig: Dagger, PpoConfig: Ppo, PgpeConfig: Pgpe}
+
+Learner = Dagger | Ppo | Pgpe
 Progress = Callable[[dict], None]
 
 
@@ -83,7 +87,7 @@ def run(
         env = plan.env_config(stage, seed, phase)
         settings = plan.phase_config(phase)
         first = None if actor is None else {k: v.clone() for k, v in actor.state_dict().items()}
-        kind = Dagger if isinstance(settings, DaggerConfig) else Ppo
+        kind = _LEARNERS[type(settings)]
         learner = kind(replace(env, seed=seed * 1000 + rank), network, settings, device, actor)  # type: ignore[arg-type]
         if saved is not None:
             _continue(learner, saved, path)
@@ -132,7 +136,7 @@ def _checkpoint(path: Path, plan: Recipe, stage: str, seed: int) -> dict:
     return saved
 
 
-def _continue(learner: Dagger | Ppo, saved: dict, path: Path) -> None:
+def _continue(learner: Learner, saved: dict, path: Path) -> None:
     """Put a checkpoint's state into a new learner. Raises TrainingError if it does not fit."""
     try:
         learner.load(saved["learner"])
@@ -149,7 +153,7 @@ def _actor(network: NetworkConfig, weights: dict | None) -> Actor | None:
     return actor
 
 
-def _step(learner: Dagger | Ppo, path: Path) -> dict[str, float]:
+def _step(learner: Learner, path: Path) -> dict[str, float]:
     """One iteration. Raises DivergedError that names what is not finite: nothing of that kind is ever saved."""
     reason = "the learning step left weights that are not finite"
     try:

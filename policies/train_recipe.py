@@ -14,11 +14,12 @@ from policies.contact import ContactRules
 from policies.dagger import DaggerConfig
 from policies.env_config import EnvConfig
 from policies.network import NetworkConfig
+from policies.pgpe import PgpeConfig
 from policies.ppo import PpoConfig
 from policies.reward import RewardWeights
 
 FOLDER = Path(__file__).with_name("recipes")
-_PHASES = {"dagger": DaggerConfig, "ppo": PpoConfig}
+_PHASES = {"dagger": DaggerConfig, "ppo": PpoConfig, "pgpe": PgpeConfig}
 
 
 T = TypeVar("T")
@@ -73,11 +74,15 @@ class Recipe(BaseModel):
         """The network. Raises RecipeError."""
         return _override(NetworkConfig(), self.network, f"recipe {self.name}: network")
 
-    def phase_config(self, phase: Phase) -> DaggerConfig | PpoConfig:
+    def phase_config(self, phase: Phase) -> DaggerConfig | PpoConfig | PgpeConfig:
         """The settings of a phase. Raises RecipeError."""
         if phase.kind not in _PHASES:
             raise RecipeError(f"recipe {self.name}: phase kind '{phase.kind}' is not one of {', '.join(_PHASES)}")
         config = _override(_PHASES[phase.kind](), phase.settings, f"recipe {self.name}: {phase.kind}")
+        if isinstance(config, PgpeConfig):
+            if phase.teacher:
+                raise RecipeError(f"recipe {self.name}: phase kind 'pgpe' has no teacher; leave [phase.teacher] out")
+            return config
         return replace(config, teacher=_override(config.teacher, phase.teacher, f"recipe {self.name}: teacher"))
 
 

@@ -201,6 +201,23 @@ def test_curve_drops_what_came_after_the_checkpoint(tmp_path):
     assert lines[0] == "samples,success" and lines[-1] == "300,0.9" and len(lines) == 5
 
 
+SEARCH = """[[phase]]
+kind = "pgpe"
+settings = { samples = 2000, pairs = 1, directions = 3 }
+"""
+
+
+def test_policy_search_is_a_phase_as_any_other(tiny, tmp_path):
+    tiny.write_text(TINY + SEARCH)
+    run("state", str(tiny), 1, tmp_path / "run")
+    saved = load_checkpoint(tmp_path / "run" / CHECKPOINT)
+    assert saved["phase"] == 2 and saved["total"] == 1024 + 768 + saved["learner"]["samples"]
+    assert float((tmp_path / "run" / CURVE).read_text().splitlines()[-1].split(",")[1]) == 2.0
+    tiny.write_text(TINY + SEARCH + "teacher = { sink = 1.0 }\n")
+    with pytest.raises(RecipeError, match="'pgpe' has no teacher"):
+        load_recipe(tiny)
+
+
 @pytest.mark.slow
 def test_two_processes_by_torchrun(tiny, tmp_path):
     """Two gloo processes learn one set of weights."""

@@ -1,0 +1,58 @@
+"""Flights to where they are decided, and from there, as often as is wanted, to their ends."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from policies.env import Env
+from policies.env_config import EnvConfig
+from policies.env_rows import E_STEPS, S_STEP
+from policies.observation import NEWEST
+from policies.pgpe_flights import fly_near, fly_out
+from policies.shipped import policy_file
+from policies.train_actor import load_actor
+from vehicle.dynamics import P
+
+torch.set_num_threads(1)
+ENV = EnvConfig(count=48, seed=31, odometry_noise=0.0, future_stride=10, speed=(1.0, 2.0), inclination_deg=(0.0, 50.0))
+
+
+def act_of(actor):
+    def act(observation, _which):
+        with torch.no_grad():
+            return actor(torch.from_numpy(observation)).numpy()
+
+    return act
+
+
+def sinking(observation, _which):
+    """A law for each row by itself: a matrix product's last bit depends on how many rows there are."""
+    still, ahead = np.zeros(len(observation)), observation[:, NEWEST]
+    return np.stack([still, 0.02 * ahead, still, still - 0.1], 1)
+
+
+def test_flights_from_one_moment():
+    path = policy_file("state")
+    assert path is not None
+    env = Env(replace(ENV, stage="vision"))
+    start, steps = fly_near(env, act_of(load_actor(path)[0]), 1.0)
+    assert 0 < len(start.done) <= ENV.count and steps > 0
+    step = start.state[:, S_STEP].astype(int)
+    away = np.linalg.norm(start.track[np.arange(len(step)), step, :3] - start.vehicle[:, P : P + 3], axis=1)
+    assert (away < 1.0).all() and away.max() > 0.9
+    before = [array.copy() for array in start]
+    ended, _ = fly_out(start, env.shared, sinking, [5])
+    thrice, _ = fly_out(start, env.shared, sinking, [5, 5, 6])
+    first, second, other = thrice.reshape(3, len(start.done), -1)
+    assert np.array_equal(ended, first) and np.array_equal(first, second)
+    assert not np.array_equal(first, other)
+    assert (ended[:, E_STEPS] > 0).all()
+    assert all(np.array_equal(a, b) for a, b in zip(before, start, strict=True))
+
+
+def test_an_action_that_is_not_finite_stops_the_flight():
+    env = Env(ENV)
+    with pytest.raises(ValueError, match="not finite"):
+        fly_near(env, lambda observation, _: np.full((len(observation), 4), np.nan), 1.0)
