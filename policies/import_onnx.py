@@ -16,6 +16,7 @@ from torch import Tensor
 from policies.contract import ContractError, check_contract, open_policy
 from policies.export import compare
 from policies.network import Actor, FlightActor, NetworkConfig
+from policies.network_regimes import REGIMES
 from policies.train_io import TrainingError
 
 _PREFIX = "actor."
@@ -61,11 +62,12 @@ def _weights(model: onnx.ModelProto) -> dict[str, Tensor]:
 
 
 def _config(weights: dict[str, Tensor]) -> NetworkConfig:
-    """The sizes that the weights have, and the lean. Raises KeyError if one is missing."""
+    """The sizes that the weights have, the lean, and whether there are regimes. Raises KeyError if one is missing."""
     width, aligned = len(weights["trunk.first.bias"]), "lean" in weights
-    touch = {"aligned": aligned, "lean": round(float(weights["lean"]), 6) if aligned else 0.0}
+    kind = {"aligned": aligned, "lean": round(float(weights["lean"]), 6) if aligned else 0.0}
+    kind["regimes"] = len(weights["head.bias"]) == 4 * REGIMES
     temporal = "trunk.tcn.third.bias" in weights
     if not temporal:
-        return NetworkConfig(temporal=False, width=width, **touch)
+        return NetworkConfig(temporal=False, width=width, **kind)
     a, b, c = (len(weights[f"trunk.tcn.{name}.bias"]) for name in ("first", "second", "third"))
-    return NetworkConfig(channels=(a, b, c), width=width, **touch)
+    return NetworkConfig(channels=(a, b, c), width=width, **kind)

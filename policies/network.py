@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
+from policies.network_regimes import REGIMES, regime_shares
 from policies.network_touch import aligned_action, flared_action
 from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, TAIL_V, USUAL_DRAG
 
@@ -35,7 +36,8 @@ class NetworkConfig:
 
     `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
     right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
-    a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`).
+    a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`). `regimes`: its last layer
+    is one of three, blended by how steep the board is and how well it is seen (`network_regimes.py`).
     """
 
     temporal: bool = True
@@ -43,6 +45,7 @@ class NetworkConfig:
     mirrored: bool = False
     aligned: bool = False
     lean: float = 0.0
+    regimes: bool = False
     channels: tuple[int, int, int] = (24, 32, 48)
     width: int = 128
     log_std: float = -1.2
@@ -148,32 +151,45 @@ class Actor(nn.Module):
         if config.aligned:  # with the weights: an exported file keeps it
             self.register_buffer("lean", torch.tensor([config.lean]))
         self.trunk = Trunk(config, 0)
-        self.head = nn.Linear(config.width, 4)
+        self.head = nn.Linear(config.width, 4 * REGIMES if config.regimes else 4)
         self.foresight = nn.Linear(config.width, 2 * len(FORESEEN))
         self.log_std = nn.Parameter(torch.full((4,), config.log_std))
         nn.init.uniform_(self.head.weight, -0.01, 0.01)
         nn.init.zeros_(self.head.bias)
 
     def forward(self, observation: Tensor, head: Callable[[Tensor], Tensor] | None = None) -> Tensor:
-        """The mean action; `head` in place of the actor's own, from features (B, width) to an action (B, 4)."""
-        head = head or self.head
-        action = head(self.trunk(observation))
+        """The mean action; `head` in place of the actor's own, from features (B, width) to what that gives."""
+        head, shares = head or self.head, self.shares(observation)
+        action = _blended(head(self.trunk(observation)), shares)
         if self.config.mirrored:
-            reflected = self.action_signs * head(self.trunk(observation * self.observation_signs))
-            action = 0.5 * (action + reflected)
+            reflected = _blended(head(self.trunk(observation * self.observation_signs)), shares)
+            action = 0.5 * (action + self.action_signs * reflected)
         if not self.config.aligned:
             return action
         newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
         return flared_action(newest, tail, aligned_action(newest, tail, action, self.lean), self.lean)
 
+    def shares(self, observation: Tensor) -> Tensor:
+        """How much each of the last layer's regimes counts, (B, REGIMES) or, if it has none, (B, 1) ones."""
+        if not self.config.regimes:
+            return torch.ones_like(observation[:, :1])
+        return regime_shares(observation[:, NEWEST:TAIL], observation[:, TAIL:])
+
     def with_foresight(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """The mean action, and where the board will be ((B, 2 * len(FORESEEN)), m): a training aid."""
         features = self.trunk(observation)
-        return self.head(features), self.foresight(features)
+        return _blended(self.head(features), self.shares(observation)), self.foresight(features)
 
     def log_prob(self, mean: Tensor, action: Tensor) -> Tensor:
         """Log density (B,) of unclipped actions."""
         return torch.distributions.Normal(mean, self.log_std.exp()).log_prob(action).sum(1)
+
+
+def _blended(actions: Tensor, shares: Tensor) -> Tensor:
+    """(B, 4) of one action for each regime (B, 4 * R) and their shares (B, R)."""
+    if shares.shape[1] == 1:
+        return actions
+    return (actions.reshape(-1, REGIMES, 4) * shares[:, :, None]).sum(1)
 
 
 class Critic(nn.Module):

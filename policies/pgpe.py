@@ -127,7 +127,11 @@ class Pgpe:
         self.samples += round(parallel.mean(steps_near + steps_out))  # all processes end together
         scores = score(ended, self.env.config.rules, c).reshape(c.pairs, 2, -1)
         better = torch.from_numpy(0.5 * (scores[:, 0] - scores[:, 1])).float().to(self.device)
-        gradient = torch.einsum("pn,pnok->ok", better, change[:, 0]) / better.numel()
+        # Who never flies by a regime's layer tells nothing of it.
+        with torch.no_grad():
+            shares = self.actor.shares(torch.from_numpy(start.observation).to(self.device)).repeat_interleave(4, 1)
+        gradient = torch.einsum("pn,pnok,no->ok", better, change[:, 0], shares)
+        gradient /= c.pairs * shares.sum(0)[:, None].clamp(min=1.0)
         self._move(gradient)
         return {
             "samples": self.samples,

@@ -39,7 +39,7 @@ class HeadSpace(nn.Module):
         self.basis.copy_((vectors[:, -count:] / scale).flip(1))
 
     def changed(self, features: Tensor, change: Tensor) -> Tensor:
-        """What a `change` of every row's own (B, 4, directions + 1), in sigmas, adds to its action (B, 4)."""
+        """What each row's own `change` (B, outputs, directions + 1), in sigmas, adds to its output (B, outputs)."""
         along = torch.cat([(features - self.mean) @ self.basis, torch.ones_like(features[:, :1])], 1)
         return self.sigma * torch.bmm(change, along[:, :, None])[:, :, 0]
 

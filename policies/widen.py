@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from policies.network import Actor, NetworkConfig
+from policies.network_regimes import REGIMES
 from policies.observation import ENTRY_DIM, TAIL_DIM
 
 _TRUNK = ("trunk.first", "trunk.second")
@@ -17,15 +18,17 @@ _TCN = ("trunk.tcn.first", "trunk.tcn.second", "trunk.tcn.third")
 
 
 def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
-    """A copy of `actor` with the sizes of `wanted`, mirrored and aligned as that says.
+    """A copy of `actor` with the sizes of `wanted`, mirrored, aligned and with regimes as that says.
 
-    Raises ValueError unless the sizes are whole multiples of its own.
+    Raises ValueError unless the sizes are whole multiples of its own, or if it would lose its regimes.
     """
     has = actor.config
     old, new = (*has.channels, has.width), (*wanted.channels, wanted.width)
     kind = (has.temporal, has.geometry), (wanted.temporal, wanted.geometry)
     if kind[0] != kind[1] or any(n % o for o, n in zip(old, new, strict=True)):
         raise ValueError(f"a network of {old} does not widen to one of {new}: give whole multiples, parts unchanged")
+    if has.regimes and not wanted.regimes:
+        raise ValueError("its last layer is one for each regime: say `regimes = true`")
     a, b, c, width = (n // o for o, n in zip(old, new, strict=True))
     random = torch.Generator().manual_seed(seed)
     weights = dict(actor.state_dict())
@@ -40,6 +43,8 @@ def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
         _copy_units(weights, layer, width)
     for layer in (_TRUNK[1], "head", "foresight"):
         _share_inputs(weights, layer, 0, has.width, 1, width, random)
+    if wanted.regimes and not has.regimes:
+        _copy_units(weights, "head", REGIMES)
     wider = Actor(wanted)
     weights.pop("lean", None)  # no weight that was learnt: `wanted` tells
     wider.load_state_dict({**wider.state_dict(), **weights})

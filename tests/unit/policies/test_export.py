@@ -28,7 +28,7 @@ def actor(**options):
     return made
 
 
-@pytest.mark.parametrize("options", [{}, {"temporal": False}, {"geometry": False}, {"width": 192}])
+@pytest.mark.parametrize("options", [{}, {"temporal": False}, {"geometry": False}, {"width": 192}, {"regimes": True}])
 def test_onnx_equals_torch(tmp_path, options):
     path, net = tmp_path / "p.onnx", actor(**options)
     assert export(net, CONTRACT, path) <= 1e-5

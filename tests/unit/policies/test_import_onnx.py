@@ -24,6 +24,7 @@ CHECKPOINTS = Path(__file__).parents[3] / "policies" / "checkpoints"
         {},
         {"mirrored": True, "aligned": True, "lean": 0.1},
         {"temporal": False},
+        {"regimes": True},
         {"width": 192, "channels": (8, 12, 16)},
     ],
 )

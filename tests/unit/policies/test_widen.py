@@ -18,6 +18,8 @@ SMALL = NetworkConfig(channels=(4, 6, 8), width=16)
         replace(SMALL, channels=(8, 12, 16), width=32),
         replace(SMALL, channels=(12, 6, 16), width=16),
         replace(SMALL, width=48),
+        replace(SMALL, regimes=True),
+        replace(SMALL, width=32, regimes=True),
     ],
 )
 def test_a_wider_network_computes_the_same(wanted):
@@ -43,6 +45,11 @@ def test_a_network_may_begin_to_touch_aligned_and_lean_otherwise():
     more = widened(leaning, replace(SMALL, aligned=True, lean=0.2, width=32))
     assert leaning.lean.tolist() == pytest.approx([0.1]) and more.lean.tolist() == pytest.approx([0.2])
     assert "lean" not in widened(more, replace(SMALL, width=32)).state_dict()
+
+
+def test_regimes_are_not_thrown_away():
+    with pytest.raises(ValueError, match="regimes"):
+        widened(Actor(replace(SMALL, regimes=True)), SMALL)
 
 
 def test_copies_of_a_unit_learn_different_things():

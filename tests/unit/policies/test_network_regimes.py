@@ -1,0 +1,55 @@
+"""Regimes: who flies by which, and that each one's layer is what flies there."""
+
+import math
+
+import pytest
+import torch
+
+from policies.network import Actor, NetworkConfig
+from policies.network_regimes import REGIMES, regime_shares
+from policies.observation import NEWEST, OBS_DIM, TAIL, TAIL_SIGMA
+
+
+def seen(inclination_deg, sigma):
+    observation = torch.zeros(1, OBS_DIM)
+    angle = math.radians(inclination_deg)
+    observation[0, NEWEST + 3 : NEWEST + 6] = torch.tensor([-math.sin(angle), 0.0, math.cos(angle)])
+    observation[0, TAIL + TAIL_SIGMA] = sigma
+    return observation
+
+
+@pytest.mark.parametrize(
+    ("inclination_deg", "sigma", "shares"),
+    [
+        (0.0, 0.012, (1.0, 0.0, 0.0)),
+        (10.0, 0.0005, (1.0, 0.0, 0.0)),
+        (60.0, 0.012, (0.0, 1.0, 0.0)),
+        (60.0, 0.0005, (0.0, 0.0, 1.0)),
+        (70.0, 0.004, (0.0, 0.5, 0.5)),
+    ],
+)
+def test_who_flies_by_which(inclination_deg, sigma, shares):
+    observation = seen(inclination_deg, sigma)
+    got = regime_shares(observation[:, NEWEST:TAIL], observation[:, TAIL:])[0]
+    assert got.tolist() == pytest.approx(shares, abs=1e-5)
+
+
+def test_shares_are_one_in_all_and_change_without_a_jump():
+    angles = torch.linspace(0.0, 80.0, 321)
+    for sigma in (0.0, 0.003, 0.02):
+        rows = torch.cat([seen(float(angle), sigma) for angle in angles])
+        shares = regime_shares(rows[:, NEWEST:TAIL], rows[:, TAIL:])
+        assert torch.allclose(shares.sum(1), torch.ones(len(rows)))
+        assert float(shares.diff(dim=0).abs().max()) < 0.04
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_each_layer_flies_its_own_regime(mirrored):
+    torch.manual_seed(1)
+    actor = Actor(NetworkConfig(regimes=True, mirrored=mirrored))
+    with torch.no_grad():
+        actor.head.weight.zero_()
+        actor.head.bias.copy_(torch.arange(4 * REGIMES) / 100.0)
+    for regime, situation in enumerate((seen(0.0, 0.01), seen(60.0, 0.01), seen(60.0, 0.0))):
+        thrust = float(actor(situation)[0, 3].detach())  # the mirror image asks for the same
+        assert thrust == pytest.approx((4 * regime + 3) / 100.0)
