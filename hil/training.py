@@ -98,9 +98,9 @@ class _Display:
             old = self._success
             self._success = numbers["success"] if old != old else old + 0.1 * (numbers["success"] - old)
         since = seconds - self._from[1]
-        rate = (samples - self._from[0]) / since if since > 0.0 else 0.0
+        rate = f", {(samples - self._from[0]) / since / 1e3:.1f} k/s" if since > 0.0 else ""
         success = f"{100.0 * self._success:.1f} %" if self._success == self._success else "unknown yet"
-        told = f"{samples / 1e6:.2f} M samples, success {success}, {rate / 1e3:.1f} k/s"
+        told = f"{samples / 1e6:.2f} M samples, success {success}{rate}"
         self.progress.update(self._tasks[phase], completed=numbers["share"], told=told)
         if self.progress.disable and time.monotonic() - self._told > _LINE_EVERY:
             self._told = time.monotonic()

@@ -39,6 +39,7 @@ from policies.pgpe_space import HeadSpace
 from policies.train_io import TrainingError
 
 _EVERY = 5  # one feature vector in so many is looked at
+_FEW = 0.1  # share of the flights
 _TRAINING_SEEDS = 1 << 40  # evaluation's begin there
 
 
@@ -127,11 +128,11 @@ class Pgpe:
         self.samples += round(parallel.mean(steps_near + steps_out))  # all processes end together
         scores = score(ended, self.env.config.rules, c).reshape(c.pairs, 2, -1)
         better = torch.from_numpy(0.5 * (scores[:, 0] - scores[:, 1])).float().to(self.device)
-        # Who never flies by a regime's layer tells nothing of it.
+        # Who does not fly by a regime's layer tells nothing of it; one that few fly by moves as much less.
         with torch.no_grad():
             shares = self.actor.shares(torch.from_numpy(start.observation).to(self.device)).repeat_interleave(4, 1)
         gradient = torch.einsum("pn,pnok,no->ok", better, change[:, 0], shares)
-        gradient /= c.pairs * shares.sum(0)[:, None].clamp(min=1.0)
+        gradient /= c.pairs * shares.sum(0)[:, None].clamp(min=_FEW * len(shares))
         self._move(gradient)
         return {
             "samples": self.samples,

@@ -13,6 +13,7 @@ from policies.network import Actor, NetworkConfig
 from policies.pgpe import Pgpe, PgpeConfig, score
 from policies.shipped import policy_file
 from policies.train_actor import load_actor
+from policies.widen import widened
 
 torch.set_num_threads(1)
 ENV = EnvConfig(count=48, seed=31, odometry_noise=0.0, future_stride=10, speed=(1.0, 2.0), inclination_deg=(0.0, 50.0))
@@ -82,3 +83,13 @@ def test_only_the_last_layer_moves():
     run._move(torch.ones_like(run.space.offset))
     changed = {k for k, v in run.actor.state_dict().items() if not torch.equal(v, before[k])}
     assert changed == {"head.weight", "head.bias"}
+
+
+def test_over_flat_boards_the_other_regimes_stay():
+    plain = shipped_actor()
+    actor = widened(plain, replace(plain.config, regimes=True))
+    config = replace(SMALL, near=1.0, pairs=1)
+    run = Pgpe(replace(ENV, count=8, inclination_deg=(0.0, 0.0)), actor.config, config, actor=actor)
+    run.step()
+    moved = run.space.offset.detach().abs().sum(1)
+    assert bool((moved[:4] > 0.0).all()) and bool((moved[4:] == 0.0).all())
