@@ -71,6 +71,9 @@ class PgpeConfig:
         for name in ("near", "sigma", "rate", "soft"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+        for name in ("momentum", "average"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)}; give a decay from 0 to below 1")
 
 
 def score(ended: np.ndarray, rules: ContactRules, config: PgpeConfig) -> np.ndarray:

@@ -68,7 +68,9 @@ def test_resume_gives_the_same_curve():
         assert torch.equal(a, b)
 
 
-@pytest.mark.parametrize(("name", "value"), [("pairs", 0), ("directions", 0), ("near", 0.0), ("sigma", -1.0)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("pairs", 0), ("directions", 0), ("near", 0.0), ("sigma", -1.0), ("momentum", 1.0)]
+)
 def test_settings_out_of_range_are_refused(name, value):
     with pytest.raises(ValueError, match=name):
         PgpeConfig(**{name: value})
