@@ -43,6 +43,16 @@ def fill_future(rows, i, step_ticks, out):
         out[k] = rows.track[i, min(begin + k * step_ticks, last)]
 
 
+def advance(rows: Rows, shared: Shared, actions: np.ndarray) -> None:
+    """One control step of every row under `actions` ((N, 4), clipped to [-1, 1]).
+
+    Raises ValueError if an action is not finite: a network that has diverged must stop here.
+    """
+    if not np.isfinite(actions).all():
+        raise ValueError("an action is not finite; the policy has diverged")
+    step_rows(rows, shared, np.ascontiguousarray(actions, dtype=np.float64))
+
+
 class Env:
     """N episodes side by side. `rows` (env_rows.Rows) is open: kernels may read truth, belief and future from it."""
 
@@ -79,11 +89,9 @@ class Env:
     def step(self, actions: np.ndarray) -> np.ndarray:
         """Advance every row under `actions` ((N, 4), clipped to [-1, 1]); returns the observations.
 
-        Raises ValueError if an action is not finite: a network that has diverged must stop here.
+        Raises ValueError if an action is not finite.
         """
-        if not np.isfinite(actions).all():
-            raise ValueError("an action is not finite; the policy has diverged")
-        step_rows(self.rows, self.shared, np.ascontiguousarray(actions, dtype=np.float64))
+        advance(self.rows, self.shared, actions)
         self.steps += len(actions)
         if self.rows.done.any():
             self.tally.add(self.rows.ended[self.rows.done.astype(bool)])

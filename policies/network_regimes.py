@@ -1,8 +1,8 @@
 """Three last layers in place of one: for flat boards, for steep ones seen poorly, and for steep ones seen well.
 
 What is right in the last half second differs: over a flat board at speed the drone glides and must hold the board in
-its picture; a slope whose surface is uncertain is met faster than one that is known to a millimetre. One linear layer
-settled on a compromise. The shares are functions of what the network is told, the same in training and in flight.
+its picture; a slope whose surface is uncertain is met faster than one that is known to a millimetre. The shares are
+functions of what the network is told, the same in training and in flight.
 """
 
 from __future__ import annotations

@@ -49,8 +49,9 @@ class PgpeConfig:
     environment comes within `near` m of its board. `directions` of the features are searched, by `sigma` (one-sigma, of
     an action in [-1, 1]). `rate`: sigmas that a gradient of one (score by sigma) moves the layer by, falling to zero.
     `momentum` and `average`: decay of the gradient, and of the averaged weights, which are what flies.
-    The score of a flight is its share of the tolerances of Algorithm 1, each softened by `soft` of itself, less `hard`
-    for every m/s into the board above what the paper flew and `late` for every s that it took."""
+    The score of a flight that touched is a product: for each tolerance of Algorithm 1 a logistic function, one half at
+    the limit, `soft` of the limit wide; and one, less `hard` for every m/s into the board above what the paper flew and
+    `late` for every s that it took."""
 
     samples: int = 300_000_000
     pairs: int = 8

@@ -11,9 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from kernel.random import stream
-from policies.env import Env
+from policies.env import Env, advance
 from policies.env_rows import S_STEP, Rows, Shared
-from policies.env_step import step_rows
 from vehicle.dynamics import P
 
 Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -30,7 +29,8 @@ def copy_rows(rows: Rows, which: np.ndarray) -> Rows:
 def fly_near(env: Env, act: Act, near: float) -> tuple[Rows, int]:
     """Begin an episode in every row and fly it until the board's centre is within `near` m of the drone.
 
-    Returns copies of the rows at that moment, without those of episodes that ended before, and the steps flown.
+    Returns copies of the rows at that moment, without those of episodes that ended before, and the steps flown. Raises
+    ValueError if an action is not finite.
     """
     env.reset()
     kept = copy_rows(env.rows, np.arange(env.config.count))
@@ -81,8 +81,5 @@ def _fly(rows: Rows, shared: Shared, act: Act, look: Callable[[Rows, np.ndarray,
             return steps
         if flying.mean() < _WORTH_IT:
             rows, which, flying = copy_rows(rows, flying), which[flying], flying[flying]
-        actions = act(rows.observation, which)
-        if not np.isfinite(actions).all():
-            raise ValueError("an action is not finite; the policy has diverged")
-        step_rows(rows, shared, np.ascontiguousarray(actions, dtype=np.float64))
+        advance(rows, shared, act(rows.observation, which))
         steps += len(which)
