@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import onnx
 import torch
@@ -62,10 +63,10 @@ def _weights(model: onnx.ModelProto) -> dict[str, Tensor]:
 
 
 def _config(weights: dict[str, Tensor]) -> NetworkConfig:
-    """The sizes that the weights have, the lean, and whether there are regimes. Raises KeyError if one is missing."""
-    width, aligned = len(weights["trunk.first.bias"]), "lean" in weights
-    kind = {"aligned": aligned, "lean": round(float(weights["lean"]), 6) if aligned else 0.0}
-    kind["regimes"] = len(weights["head.bias"]) == 4 * REGIMES
+    """The sizes that the weights have, how it leans, whether there are regimes. Raises KeyError if one is missing."""
+    width = len(weights["trunk.first.bias"])
+    kind: dict[str, Any] = {"aligned": "lean" in weights, "regimes": len(weights["head.bias"]) == 4 * REGIMES}
+    kind |= {name: round(float(weights[name]), 6) for name in ("lean", "lean_unsure") if name in weights}
     temporal = "trunk.tcn.third.bias" in weights
     if not temporal:
         return NetworkConfig(temporal=False, width=width, **kind)

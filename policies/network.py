@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
 from policies.network_regimes import REGIMES, regime_shares
-from policies.network_touch import aligned_action, flared_action
+from policies.network_touch import aligned_action, flared_action, seen_poorly
 from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, TAIL_V, USUAL_DRAG
 
 FUTURE = 15  # N of the paper
@@ -36,8 +36,10 @@ class NetworkConfig:
 
     `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
     right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
-    a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`). `regimes`: its last layer
-    is one of three, blended by how steep the board is and how well it is seen (`network_regimes.py`).
+    a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`); where the surface is seen
+    poorly, `lean_unsure` rad more: thrust then holds against the pull along the slope, and a contact too early or too
+    late skids less. `regimes`: its last layer is one of three, blended by how steep the board is and how well it is
+    seen (`network_regimes.py`).
     """
 
     temporal: bool = True
@@ -45,6 +47,7 @@ class NetworkConfig:
     mirrored: bool = False
     aligned: bool = False
     lean: float = 0.0
+    lean_unsure: float = 0.0
     regimes: bool = False
     channels: tuple[int, int, int] = (24, 32, 48)
     width: int = 128
@@ -140,6 +143,7 @@ class Actor(nn.Module):
     observation_signs: Tensor
     action_signs: Tensor
     lean: Tensor
+    lean_unsure: Tensor
     future_signs: Tensor
 
     def __init__(self, config: NetworkConfig) -> None:
@@ -150,6 +154,8 @@ class Actor(nn.Module):
         self.register_buffer("future_signs", torch.tensor((1.0, -1.0) * len(FORESEEN)), persistent=False)
         if config.aligned:  # with the weights: an exported file keeps it
             self.register_buffer("lean", torch.tensor([config.lean]))
+            if config.lean_unsure:
+                self.register_buffer("lean_unsure", torch.tensor([config.lean_unsure]))
         self.trunk = Trunk(config, 0)
         self.head = nn.Linear(config.width, 4 * REGIMES if config.regimes else 4)
         self.foresight = nn.Linear(config.width, 2 * len(FORESEEN))
@@ -167,7 +173,8 @@ class Actor(nn.Module):
         if not self.config.aligned:
             return action
         newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
-        return flared_action(newest, tail, aligned_action(newest, tail, action, self.lean), self.lean)
+        lean = self.lean + self.lean_unsure * seen_poorly(tail) if self.config.lean_unsure else self.lean
+        return flared_action(newest, tail, aligned_action(newest, tail, action, lean), lean)
 
     def shares(self, observation: Tensor) -> Tensor:
         """How much each of the last layer's regimes counts, (B, REGIMES) or, if it has none, (B, 1) ones."""

@@ -12,16 +12,14 @@ import math
 import torch
 from torch import Tensor
 
-from policies.observation import TAIL_SIGMA
+from policies.network_touch import seen_poorly
 
 REGIMES = 3
 _FLAT, _STEEP = math.cos(math.radians(15.0)), math.cos(math.radians(25.0))  # of the inclination: all, nothing of flat
-_WELL, _POORLY = 0.002, 0.006  # m, sigma of the board's surface
 
 
 def regime_shares(newest: Tensor, tail: Tensor) -> Tensor:
     """(B, REGIMES) how much each counts, one in all, from history entry `newest` (B, 10) and `tail` (B, 20)."""
     flat = ((newest[:, 5:6] - _STEEP) / (_FLAT - _STEEP)).clamp(0.0, 1.0)
-    poorly = ((tail[:, TAIL_SIGMA : TAIL_SIGMA + 1] - _WELL) / (_POORLY - _WELL)).clamp(0.0, 1.0)
-    steep = 1.0 - flat
+    poorly, steep = seen_poorly(tail), 1.0 - flat
     return torch.cat([flat, steep * poorly, steep * (1.0 - poorly)], 1)

@@ -25,6 +25,7 @@ from policies.touch_attitude import (
 )
 from vehicle.airframe import GRAVITY
 
+WELL, POORLY = 0.002, 0.006  # m, sigma of the board's surface: where it is well seen, and where poorly
 BELOW, RADIUS = 0.04, 0.13  # m, the underside's disc as in the airframe paper_quad
 _TINY = 1e-9  # under the root: its slope stays finite
 
@@ -38,6 +39,11 @@ class _Approach(NamedTuple):
     beside: Tensor  # squared
     closing: Tensor
     cosine: Tensor
+
+
+def seen_poorly(tail: Tensor) -> Tensor:
+    """(B, 1) from 0 for a surface that is seen well to 1 for one that is seen poorly; `tail` (B, 20)."""
+    return ((tail[:, TAIL_SIGMA : TAIL_SIGMA + 1] - WELL) / (POORLY - WELL)).clamp(0.0, 1.0)
 
 
 def _approach(newest: Tensor, tail: Tensor) -> _Approach:
@@ -71,7 +77,7 @@ def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -
     """`touch_rates` on what a network sees.
 
     `newest` (B, 10) history entry and `tail` (B, 20), both in the yaw frame; `action` (B, 4), clipped to [-1, 1] where
-    it is corrected; `lean` (1,) rad up a vertical slope.
+    it is corrected; `lean` (1,) or (B, 1) rad up a vertical slope.
     """
     _, z, height, beside, closing, cosine = _approach(newest, tail)
     edge = BELOW * cosine + RADIUS * (1.0 - cosine * cosine).clamp(min=_TINY).sqrt()

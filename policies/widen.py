@@ -46,7 +46,8 @@ def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
     if wanted.regimes and not has.regimes:
         _copy_units(weights, "head", REGIMES)
     wider = Actor(wanted)
-    weights.pop("lean", None)  # no weight that was learnt: `wanted` tells
+    for told in ("lean", "lean_unsure"):  # no weights that were learnt: `wanted` tells
+        weights.pop(told, None)
     wider.load_state_dict({**wider.state_dict(), **weights})
     return wider
 

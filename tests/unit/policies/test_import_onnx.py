@@ -23,6 +23,7 @@ CHECKPOINTS = Path(__file__).parents[3] / "policies" / "checkpoints"
     [
         {},
         {"mirrored": True, "aligned": True, "lean": 0.1},
+        {"aligned": True, "lean": 0.1, "lean_unsure": 0.07, "regimes": True},
         {"temporal": False},
         {"regimes": True},
         {"width": 192, "channels": (8, 12, 16)},

@@ -175,3 +175,18 @@ def test_an_aligned_actor_is_corrected_and_another_is_not():
     assert abs(difference[1]) > 0.3 and difference[2:].tolist() == [0.0, 0.0]
     aligned(seen).sum().backward()
     assert all(torch.isfinite(each.grad).all() for each in aligned.parameters() if each.grad is not None)
+
+
+@pytest.mark.parametrize("sigma, lean", [(0.0005, LEAN), (0.004, LEAN + 0.04), (0.015, LEAN + 0.08)])
+def test_an_aligned_actor_leans_more_where_the_surface_is_seen_poorly(sigma, lean):
+    platform, p, v, q = situation(1.0, 0.3, 0.0, 0.08)
+    history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
+    push_history(platform, 0.0, history)
+    build_observation(history, p, v, q, 1.0, np.zeros(4), 1.0, 0.2, sigma, 1, 0.0, observation)
+    seen = torch.from_numpy(observation)[None]
+    unsure = Actor(NetworkConfig(aligned=True, lean=LEAN, lean_unsure=0.08))
+    told, untold = (Actor(NetworkConfig(aligned=True, lean=each)) for each in (lean, LEAN + 0.2))
+    for other in (told, untold):
+        other.load_state_dict(other.state_dict() | {k: v for k, v in unsure.state_dict().items() if "lean" not in k})
+    torch.testing.assert_close(unsure(seen), told(seen))
+    assert not torch.allclose(unsure(seen), untold(seen), atol=1e-2)
