@@ -1,6 +1,7 @@
 """The actor inside an exported policy, to train on from a file that flies where its torch weights are not at hand.
 
-What only training used is not in the file: the head that foretells the board, and the exploration noise, begin anew.
+What only training used is not in the file: the head that foretells the board, and the exploration noise, begin anew,
+from the same numbers each time, so that a training run is repeated by its seed.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ def import_actor(path: Path) -> tuple[Actor, dict]:
     try:
         config = _config(weights)
         for mirrored in (False, True):
-            actor = Actor(replace(config, mirrored=mirrored))
+            with torch.random.fork_rng(devices=[]):
+                torch.manual_seed(0)
+                actor = Actor(replace(config, mirrored=mirrored))
             actor.load_state_dict({**actor.state_dict(), **weights})
             if compare(FlightActor(actor), path) <= _SAME:
                 return actor, origin

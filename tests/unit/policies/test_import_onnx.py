@@ -46,6 +46,18 @@ def test_the_networks_that_come_with_the_project_can_be_trained_on(name):
     assert isinstance(again, Actor) and origin["samples"] > 1e7
 
 
+def test_what_is_not_in_the_file_begins_alike_each_time_and_draws_from_no_other_chance():
+    path = CHECKPOINTS / "state.onnx"
+    torch.manual_seed(1)
+    first, _ = import_actor(path)
+    after = torch.rand(1)
+    second, _ = import_actor(path)
+    for name, weight in first.state_dict().items():
+        assert torch.equal(weight, second.state_dict()[name]), name
+    torch.manual_seed(1)
+    assert torch.equal(after, torch.rand(1))
+
+
 def test_a_file_whose_weights_do_not_tell_what_it_computes_is_refused(tmp_path):
     path = tmp_path / "p.onnx"
     export(actor(), CONTRACT, path)
