@@ -34,7 +34,7 @@ from policies.env_config import TICK, EnvConfig
 from policies.env_rows import E_STEPS, Rows
 from policies.evaluate import IMPACT_BAND
 from policies.network import Actor, NetworkConfig
-from policies.pgpe_flights import Act, fly_near, fly_out
+from policies.pgpe_flights import STRAIGHT, Act, fly_near, fly_out, rather_turning
 from policies.pgpe_space import HeadSpace
 from policies.train_io import TrainingError
 
@@ -46,8 +46,9 @@ _TRAINING_SEEDS = 1 << 40  # evaluation's begin there
 @dataclass(frozen=True)
 class PgpeConfig:
     """`samples` environment steps in all. Each iteration flies `pairs` pairs of flights from where every row of the
-    environment comes within `near` m of its board. `directions` of the features are searched, by `sigma` (one-sigma, of
-    an action in [-1, 1]). `rate`: sigmas that a gradient of one (score by sigma) moves the layer by, falling to zero.
+    environment comes within `near` m of its board; with `turning`, rather from where a board turns, all at so many
+    rad/s or more (0: all, however they turn). `directions` of the features are searched, by `sigma` (one-sigma, of an
+    action in [-1, 1]). `rate`: sigmas that a gradient of one (score by sigma) moves the layer by, falling to zero.
     `momentum` and `average`: decay of the gradient, and of the averaged weights, which are what flies.
     The score of a flight that touched is a product: for each tolerance of Algorithm 1 a logistic function, one half at
     the limit, `soft` of the limit wide; and one, less `hard` for every m/s into the board above what the paper flew and
@@ -56,6 +57,7 @@ class PgpeConfig:
     samples: int = 300_000_000
     pairs: int = 8
     near: float = 2.0
+    turning: float = 0.0
     directions: int = 32
     sigma: float = 0.01
     rate: float = 20.0
@@ -72,6 +74,8 @@ class PgpeConfig:
         for name in ("near", "sigma", "rate", "soft"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+        if self.turning and not self.turning > STRAIGHT:
+            raise ValueError(f"turning is {self.turning} rad/s; give more than {STRAIGHT}, or 0 for all boards alike")
         for name in ("momentum", "average"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; give a decay from 0 to below 1")
@@ -122,6 +126,8 @@ class Pgpe:
         """Fly near, fly out in pairs, move the layer."""
         c = self.config
         start, steps_near = fly_near(self.env, self._act(), c.near)
+        if c.turning:
+            start = rather_turning(start, c.turning, self.rng)
         if not self.space.basis.any():
             self._span(start)
         shape = (c.pairs, 1, len(start.done), *self.space.offset.shape)

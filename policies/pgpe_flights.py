@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from groundcar.motion import TURN_RATE
 from kernel.random import stream
 from policies.env import Env, advance
 from policies.env_rows import S_STEP, Rows, Shared
@@ -19,6 +20,8 @@ Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Observations ((n, OBS_DIM)) and which episodes they are of ((n,) int) in, actions ((n, 4)) out."""
 
 _WORTH_IT = 0.75  # share still flying below which the others are left behind
+STRAIGHT = 0.1  # rad/s, a board that hardly turns
+_LEAST = 0.12  # share of the flights over such boards
 
 
 def copy_rows(rows: Rows, which: np.ndarray) -> Rows:
@@ -46,6 +49,17 @@ def fly_near(env: Env, act: Act, near: float) -> tuple[Rows, int]:
 
     steps = _fly(env.rows, env.shared, act, look)
     return copy_rows(kept, arrived), steps
+
+
+def rather_turning(rows: Rows, turning: float, rng: np.random.Generator) -> Rows:
+    """All rows whose board turns by `turning` rad/s or more, and fewer of the others the less theirs does.
+
+    One in eight or so of those straight ahead is kept; all are if that would leave none.
+    """
+    here = np.arange(len(rows.done)), rows.state[:, S_STEP].astype(np.int64)
+    share = (np.abs(rows.track[here][:, TURN_RATE]) - STRAIGHT) / (turning - STRAIGHT)
+    kept = rng.random(len(rows.done)) < np.clip(share, _LEAST, 1.0)
+    return copy_rows(rows, kept) if kept.any() else rows
 
 
 def fly_out(start: Rows, shared: Shared, act: Act, seeds: Sequence[int]) -> tuple[np.ndarray, int]:

@@ -57,7 +57,7 @@ def test_search_mends_a_layer_that_was_put_out_of_order():
 def test_resume_gives_the_same_curve():
     def fresh() -> Pgpe:
         actor = shipped_actor()
-        return Pgpe(replace(ENV, count=8), actor.config, replace(SMALL, near=1.0), actor=actor)
+        return Pgpe(replace(ENV, count=8), actor.config, replace(SMALL, near=1.0, turning=0.5), actor=actor)
 
     whole, half, rest = fresh(), fresh(), fresh()
     curve = [whole.step() for _ in range(3)]
@@ -69,7 +69,8 @@ def test_resume_gives_the_same_curve():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("pairs", 0), ("directions", 0), ("near", 0.0), ("sigma", -1.0), ("momentum", 1.0)]
+    ("name", "value"),
+    [("pairs", 0), ("directions", 0), ("near", 0.0), ("turning", 0.1), ("sigma", -1.0), ("momentum", 1.0)],
 )
 def test_settings_out_of_range_are_refused(name, value):
     with pytest.raises(ValueError, match=name):

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from groundcar.motion import TURN_RATE
 from policies.env import Env
 from policies.env_config import EnvConfig
 from policies.env_rows import E_STEPS, S_STEP
 from policies.observation import NEWEST
-from policies.pgpe_flights import fly_near, fly_out
+from policies.pgpe_flights import copy_rows, fly_near, fly_out, rather_turning
 from policies.shipped import policy_file
 from policies.train_actor import load_actor
 from vehicle.dynamics import P
@@ -56,3 +57,24 @@ def test_an_action_that_is_not_finite_stops_the_flight():
     env = Env(ENV)
     with pytest.raises(ValueError, match="not finite"):
         fly_near(env, lambda observation, _: np.full((len(observation), 4), np.nan), 1.0)
+
+
+def test_of_boards_that_turn_all_stay_of_others_few():
+    env = Env(replace(ENV, count=4))
+    env.reset()
+    rows = copy_rows(env.rows, np.tile(np.arange(4), 500))
+    turn = np.repeat([0.0, -0.325, 0.55, -1.2], 500)
+    order = np.argsort(np.tile(np.arange(4), 500), kind="stable")
+    rows = copy_rows(rows, order)
+    rows.track[:, :, TURN_RATE] = turn[:, None]
+    kept = rather_turning(rows, 0.55, np.random.default_rng(3))
+    counts = [(kept.track[:, 0, TURN_RATE] == t).sum() for t in (0.0, -0.325, 0.55, -1.2)]
+    assert counts[2:] == [500, 500]
+    assert counts[0] == pytest.approx(0.12 * 500, abs=35) and counts[1] == pytest.approx(0.5 * 500, abs=50)
+
+
+def test_if_no_board_turns_flights_are_left():
+    env = Env(replace(ENV, count=1))
+    env.reset()
+    env.rows.track[:, :, TURN_RATE] = 0.0
+    assert all(len(rather_turning(env.rows, 0.55, np.random.default_rng(k)).done) == 1 for k in range(20))
