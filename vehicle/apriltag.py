@@ -38,6 +38,7 @@ class DetectorSettings:
     max_rms: float = 1.5  # px, of several tags
     max_rms_single: float = 0.6  # px; four corners fit almost anything, so a lone tag must fit well
     ambiguity_rms: float = 1.0  # px, mirrored poses whose rms differ by less are both possible: ask the prior
+    prior_angle: float = 0.35  # rad; a prior farther from both than this knows nothing of them: the board was lost
     # Where neither prior nor horizon can tell, the better pose is believed if the other one's rms is clear_rms (px)
     # larger, or clear_ratio times as large; less than sharp_rms (px) is luck
     clear_rms: float = 0.2
@@ -168,9 +169,10 @@ class BoardDetector:
             if rest:
                 fits = rest
                 del used[spoiler]
-        fit, doubt = self._choose(fits, prior, up)
-        if fit.rms > (s.max_rms if len(used) > 1 else s.max_rms_single):
-            return outcome("residual", fit)
+        largest = s.max_rms if len(used) > 1 else s.max_rms_single
+        if fits[0].rms > largest:
+            return outcome("residual", fits[0])
+        fit, doubt = self._choose([fit for fit in fits if fit.rms <= largest], prior, up)
         lateral, depth, orientation, normal = self._sigmas(fit)
         if doubt:
             return outcome("ambiguous", fit, (lateral, depth, orientation))
@@ -193,13 +195,15 @@ class BoardDetector:
     def _choose(self, fits: list[PoseFit], prior: tuple | None, up: np.ndarray | None) -> tuple[PoseFit, bool]:
         """The pose to believe, and whether that is a guess between two that differ."""
         best = fits[0]
-        near, far = math.cos(2.0 * self.settings.max_normal_sigma), best.rms + self.settings.ambiguity_rms
-        others = [f for f in fits if f.rms < far and float(f.R[:, 2] @ best.R[:, 2]) < near]
+        apart, far = math.cos(2.0 * self.settings.max_normal_sigma), best.rms + self.settings.ambiguity_rms
+        others = [f for f in fits if f.rms < far and float(f.R[:, 2] @ best.R[:, 2]) < apart]
         if not others:
             return best, False
         rivals = [best, *others]
         if prior is not None:
-            return max(rivals, key=lambda fit: float(np.sum(fit.R * prior[0]))), False
+            near = max(rivals, key=lambda fit: float(np.sum(fit.R * prior[0])))
+            if float(np.sum(near.R * prior[0])) > 1.0 + 2.0 * math.cos(self.settings.prior_angle):
+                return near, False
         if up is not None:
             level = sorted(rivals, key=lambda fit: abs(float(fit.R[:, 1] @ up)))
             if abs(float(level[1].R[:, 1] @ up)) - abs(float(level[0].R[:, 1] @ up)) > 0.05:

@@ -235,6 +235,21 @@ def test_mirrored_pose_is_settled_by_prior_or_by_up():
         assert d._choose(rivals, None, up)[1] is doubt
 
 
+@pytest.mark.parametrize("turned_deg", [-80.0, -50.0, 50.0, 80.0])
+def test_a_prior_that_went_astray_does_not_blind_the_detector(turned_deg):
+    """As Normal-I's seed 306 ended: the board came back into the picture, but a belief that had turned on by 50 deg
+    chose its mirror image, whose residual was too large, until the board was out of the picture again."""
+    vehicle, board = view(5.0, 40.0)
+    board[6:10] = from_matrix(rotation_from_car(0.3, math.radians(70.0)))
+    R, p, up = board_in_camera(vehicle, board)
+    picture, d = RENDERER.render(vehicle, board, 2_000_000, 5), detector()
+    astray = R @ cv2.Rodrigues(math.radians(turned_deg) * (R.T @ up))[0]
+    for _ in range(8):
+        result = d.detect(picture, (astray, p), up)
+        assert result.found, result.reason
+        assert float(result.R[:, 2] @ R[:, 2]) > math.cos(math.radians(6.0))
+
+
 def test_straight_behind_a_sharp_picture_tells_which_of_two_level_boards_it_is():
     """As Simple-I's seed 207 begins: neither prior nor horizon can tell, and the drone hovers until something does."""
     found = 0
