@@ -1,9 +1,9 @@
 """The gates: the last look at a command before the vehicle's wire, and before the car's. Pure: no clock, no I/O.
 
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped (a number that is not
-finite, a vehicle too fast, tumbling, outside its fence, or of unknown whereabouts) trips the gate: it latches, nothing
-more is sent, and the autopilot's own failsafe acts on the silence. The car's gate does the same, and the car's own
-500 ms watchdog stops it.
+finite, a vehicle too fast, tumbling, outside its fence, of unknown whereabouts, or blind for seconds) trips the gate:
+it latches, nothing more is sent, and the autopilot's own failsafe acts on the silence. The car's gate does the same,
+and the car's own 500 ms watchdog stops it.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class GateLimits(BaseModel):
     z: Range = (0.3, 9.0)
     command_age_ms: float = Field(default=50.0, gt=0, le=1000, description="an older command is not sent")
     odometry_age_ms: float = Field(default=200.0, gt=0, le=2000, description="older odometry trips")
+    blind: float = Field(default=3.0, gt=0, le=60, description="s without seeing the board that trip")
 
     @field_validator("thrust", "x", "y", "z")
     @classmethod
@@ -78,6 +79,9 @@ class Gate:
             return "command is not finite"
         if vehicle is None or now_ns - vehicle.stamp_ns > limits.odometry_age_ms * 1e6:
             return f"no odometry younger than {limits.odometry_age_ms:g} ms"
+        blind = (now_ns - action.exposure_ns) * 1e-9
+        if blind > limits.blind:
+            return f"board not seen for {blind:.1f} s, limit {limits.blind:g}"
         numbers = (*vehicle.position, *vehicle.velocity, *vehicle.orientation, *vehicle.body_rate)
         if not all(map(math.isfinite, numbers)):
             return "odometry is not finite"

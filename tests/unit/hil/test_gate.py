@@ -14,8 +14,8 @@ MS = 1_000_000
 LIMITS = GateLimits()
 
 
-def action(rate=(0.1, -0.2, 0.3), thrust=9.8, age_ms=0.0):
-    return Action(NOW - round(age_ms * MS), True, rate, thrust, "network", 0, 1.0)
+def action(rate=(0.1, -0.2, 0.3), thrust=9.8, age_ms=0.0, seen_ms=40.0):
+    return Action(NOW - round(age_ms * MS), True, rate, thrust, "network", NOW - round(seen_ms * MS), 1.0)
 
 
 def vehicle(position=(0.0, 0.0, 2.0), velocity=(1.0, 0.0, 0.0), age_ms=10.0):
@@ -95,6 +95,14 @@ def test_a_vehicle_that_must_not_fly_on_trips_and_the_trip_latches(state, reason
     assert gate.tripped == first
 
 
+def test_a_vehicle_that_has_not_seen_the_board_for_seconds_does_not_fly_on():
+    gate = Gate(LIMITS)
+    assert gate.check(NOW, action(seen_ms=3000.0), vehicle()) is not None
+    assert gate.check(NOW, action(seen_ms=3060.0), vehicle()) is None
+    assert gate.tripped == "board not seen for 3.1 s, limit 3"
+    assert gate.check(NOW, action(), vehicle()) is None, "the trip latches"
+
+
 def test_limits_themselves_are_allowed():
     state = replace(vehicle((25.0, -25.0, 0.3), (8.0, 0.0, 0.0), age_ms=200.0), body_rate=(12.0, 0.0, 0.0))
     sent = Gate(LIMITS).check(NOW, action((4.0, -4.0, 4.0), 18.0, age_ms=50.0), state)
@@ -121,6 +129,7 @@ def test_a_late_command_is_not_sent_but_does_not_trip(age_ms):
         {"speed": math.nan},
         {"y": (-math.inf, 1.0)},
         {"command_age_ms": 0.0},
+        {"blind": 0.0},
         {"heighth": 3.0},
     ],
 )

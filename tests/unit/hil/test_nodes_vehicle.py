@@ -61,7 +61,7 @@ def test_parameters_are_told_once_they_are_read():
 
 
 def action(stamp=NOW, rate=(0.1, 0.2, 0.3), engaged=True):
-    return "policy/action", Action(stamp, engaged, rate, 9.0, "dive", 0, 1.0)
+    return "policy/action", Action(stamp, engaged, rate, 9.0, "dive", stamp, 1.0)
 
 
 def contact(outcome, attached=False):
