@@ -36,6 +36,7 @@ from policies.belief_motion import (
     SPEED0,
     SPEED_SIGMA,
     TURN_SIGMA,
+    TURN_TAU,
     VALID_AFTER,
     N,
     advance,
@@ -221,14 +222,19 @@ def belief_rho(row, t, params):
 def belief_predict(row, t, params, out):
     """Predict to time `t` (s) into a platform row `out` ((8,)): [x, y, z, heading, speed, turn_rate, inclination, 0].
 
-    Returns rho. Before the first measurement `out` is all zero and rho 0.
+    While nothing is seen the turn rate decays, unlike the paper's (`BeliefParams`). Returns rho. Before the first
+    measurement `out` is all zero and rho 0.
     """
     out[:] = row[B_X : B_X + N]
     span = t - row[B_T]
     if row[B_STREAK] > 0.0 and span > 0.0:
         steps = steps_in(span)
-        for _ in range(steps):
-            advance_state(out, span / steps, params[ACCEL_TAU])
+        step = span / steps
+        for k in range(steps):
+            advance_state(out, step, params[ACCEL_TAU])
+            unseen = min(step, (k + 1) * step - params[LOSS_AFTER])
+            if unseen > 0.0:
+                out[5] *= math.exp(-unseen / params[TURN_TAU])
         out[3] = wrap(out[3])
     out[7] = 0.0
     return belief_rho(row, t, params)

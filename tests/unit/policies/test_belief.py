@@ -164,12 +164,26 @@ def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
     row, out = np.zeros(b.BELIEF_DIM), np.zeros(8)
     row[:N] = (1.0, 2.0, 1.5, heading, speed, turn, 0.4, 0.0)
     row[b.B_STREAK] = 9.0
-    b.belief_predict(row, 1.5, PARAMS.row(), out)
+    b.belief_predict(row, 1.5, BeliefParams(turn_tau=1e9).row(), out)
     w = turn if abs(turn) > 1e-7 else 1e-7
     x = 1.0 + speed / w * (math.sin(heading + w * 1.5) - math.sin(heading))
     y = 2.0 - speed / w * (math.cos(heading + w * 1.5) - math.cos(heading))
     assert out[:2] == pytest.approx([x, y], abs=1e-5)
     assert out[3] == pytest.approx(b.wrap(heading + 1.5 * turn)) and out[4] == pytest.approx(speed) and out[7] == 0.0
+
+
+@pytest.mark.parametrize("turn", [1.2, -0.4])
+@pytest.mark.parametrize("seconds", [0.05, 0.1, 0.5, 2.0])
+def test_a_bend_that_is_no_longer_seen_ends(turn, seconds):
+    row, out = np.zeros(b.BELIEF_DIM), np.zeros(8)
+    row[:N] = (1.0, 2.0, 1.5, 0.3, 2.0, turn, 0.4, 0.0)
+    row[b.B_STREAK] = 9.0
+    b.belief_predict(row, seconds, PARAMS.row(), out)
+    unseen, tau = max(0.0, seconds - PARAMS.loss_after), PARAMS.turn_tau
+    turned = turn * (seconds - unseen + tau * (1.0 - math.exp(-unseen / tau)))
+    assert out[5] == pytest.approx(turn * math.exp(-unseen / tau), rel=0.025)
+    assert b.wrap(out[3] - 0.3) == pytest.approx(turned, abs=0.03)
+    assert math.dist(out[:2], (1.0, 2.0)) <= 2.0 * seconds + 1e-9
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, -3.0])
@@ -225,5 +239,7 @@ def test_headings_across_pi_do_not_upset_it():
 def test_bad_parameters_are_refused():
     with pytest.raises(ValueError, match="gate"):
         BeliefParams(gate=0.0)
+    with pytest.raises(ValueError, match="turn_tau"):
+        BeliefParams(turn_tau=0.0)
     with pytest.raises(ValueError, match="q_turn"):
         BeliefParams(q_turn=-1.0)
