@@ -33,7 +33,7 @@ from policies.env_rows import (
 )
 from vehicle.camera import optical_axis, platform_visibility
 from vehicle.dynamics import P, Q, V
-from vehicle.observation_noise import observe_board
+from vehicle.observation_noise import ODOMETRY_SIGMA, POINTING_SIGMA, observe_board
 
 _JITTER = 0.003  # s, half-width of the detector's latency within an episode
 
@@ -76,10 +76,13 @@ def expose(rows, i, shared, platform, now, latency):
     sigma = x[X_SIGMA : X_SIGMA + 3]
     axis = optical_axis(vehicle[Q : Q + 4], rows.camera[i])
     lateral, depth = observed[7] * observed[7], observed[8] * observed[8]
+    dx, dy, dz = platform[0] - vehicle[P], platform[1] - vehicle[P + 1], platform[2] - vehicle[P + 2]
+    floor = ODOMETRY_SIGMA**2 + POINTING_SIGMA**2 * (dx * dx + dy * dy + dz * dz)
     for k in range(3):
-        sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k])
+        sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k] + floor)
+    turned = math.hypot(observed[9], POINTING_SIGMA)
     z, r = x[X_Z : X_Z + 5], x[X_R : X_R + 5]
-    if not measurement_from_pose(observed[0:3], observed[3:7], sigma, observed[9], shared.belief, z, r):
+    if not measurement_from_pose(observed[0:3], observed[3:7], sigma, turned, shared.belief, z, r):
         return
     slot = S_QUEUE + int(state[S_PENDING]) * SLOT
     state[slot], state[slot + 1] = now + latency, now

@@ -20,6 +20,10 @@ from kernel.random import normal
 from vehicle.camera import camera_position, optical_axis, world_from_optical
 from vehicle.rotations import multiply
 
+# What a detection is wrong by from picture to picture beyond its corners' noise: the vehicle's own position (m) and
+# where the camera really points (rad). Errors that wander slowly are larger; the filter's random walks take them up.
+ODOMETRY_SIGMA, POINTING_SIGMA = 0.003, 0.003
+
 # A noise row: three channels of CHANNEL_DIM numbers [sigma, k1, k2, k3, k4, k5], then the two biases.
 LATERAL, DEPTH, ROTATION = 0, 6, 12  # first index of each channel; sigmas in m, m, rad
 CHANNEL_DIM = 6

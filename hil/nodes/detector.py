@@ -11,12 +11,9 @@ from hil.messages import Belief, Detection, Image, VehicleState
 from hil.node import Inbox, Out
 from vehicle.apriltag import BoardDetector, BoardPose, modelled_processing_ns, world_board_pose
 from vehicle.camera import camera_frame
+from vehicle.observation_noise import ODOMETRY_SIGMA, POINTING_SIGMA
 from vehicle.pose_history import PoseAt, PoseHistory
 from vehicle.rotations import from_euler, to_matrix
-
-# What a detection is wrong by from picture to picture beyond its corners' noise: the vehicle's own position (m) and
-# where the camera really points (rad). Errors that wander slowly are larger; the filter's random walks take them up.
-ODOMETRY_SIGMA, POINTING_SIGMA = 0.003, 0.003
 
 
 class Detector:
