@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
 from policies.network_regimes import REGIMES, regime_shares
-from policies.network_touch import aligned_action, flared_action, seen_poorly
+from policies.network_touch import aligned_action, flared_action, lean_everywhere, seen_poorly
 from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, TAIL_V, USUAL_DRAG
 
 FUTURE = 15  # N of the paper
@@ -37,8 +37,8 @@ class NetworkConfig:
     `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
     right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
     a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`); where the surface is seen
-    poorly, `lean_unsure` rad more: thrust then holds against the pull along the slope, and a contact too early or too
-    late skids less. `regimes`: its last layer is one of three, blended by how steep the board is and how well it is
+    poorly, `lean_unsure` rad more up any slope: thrust then holds against the pull along it, and a contact too early or
+    too late skids less. `regimes`: its last layer is one of four, blended by how steep the board is and how well it is
     seen (`network_regimes.py`).
     """
 
@@ -173,7 +173,9 @@ class Actor(nn.Module):
         if not self.config.aligned:
             return action
         newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
-        lean = self.lean + self.lean_unsure * seen_poorly(tail) if self.config.lean_unsure else self.lean
+        lean = self.lean
+        if self.config.lean_unsure:
+            lean = lean + self.lean_unsure * seen_poorly(tail) * lean_everywhere(newest)
         return flared_action(newest, tail, aligned_action(newest, tail, action, lean), lean)
 
     def shares(self, observation: Tensor) -> Tensor:

@@ -27,6 +27,7 @@ from vehicle.airframe import GRAVITY
 
 WELL, POORLY = 0.002, 0.006  # m, sigma of the board's surface: where it is well seen, and where poorly
 BELOW, RADIUS = 0.04, 0.13  # m, the underside's disc as in the airframe paper_quad
+SLOPE = 0.5  # sine of the inclination
 _TINY = 1e-9  # under the root: its slope stays finite
 
 
@@ -44,6 +45,11 @@ class _Approach(NamedTuple):
 def seen_poorly(tail: Tensor) -> Tensor:
     """(B, 1) from 0 for a surface that is seen well to 1 for one that is seen poorly; `tail` (B, 20)."""
     return ((tail[:, TAIL_SIGMA : TAIL_SIGMA + 1] - WELL) / (POORLY - WELL)).clamp(0.0, 1.0)
+
+
+def lean_everywhere(newest: Tensor) -> Tensor:
+    """(B, 1): a lean up a vertical slope times this is as much up all slopes from SLOPE on, and less below."""
+    return 1.0 / (1.0 - newest[:, 5:6] ** 2).clamp(min=SLOPE * SLOPE).sqrt()
 
 
 def _approach(newest: Tensor, tail: Tensor) -> _Approach:

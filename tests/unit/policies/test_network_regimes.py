@@ -21,11 +21,13 @@ def seen(inclination_deg, sigma):
 @pytest.mark.parametrize(
     ("inclination_deg", "sigma", "shares"),
     [
-        (0.0, 0.012, (1.0, 0.0, 0.0)),
-        (10.0, 0.0005, (1.0, 0.0, 0.0)),
-        (60.0, 0.012, (0.0, 1.0, 0.0)),
-        (60.0, 0.0005, (0.0, 0.0, 1.0)),
-        (70.0, 0.004, (0.0, 0.5, 0.5)),
+        (0.0, 0.012, (1.0, 0.0, 0.0, 0.0)),
+        (10.0, 0.0005, (1.0, 0.0, 0.0, 0.0)),
+        (30.0, 0.012, (0.0, 1.0, 0.0, 0.0)),
+        (30.0, 0.004, (0.0, 0.5, 0.0, 0.5)),
+        (60.0, 0.012, (0.0, 0.0, 1.0, 0.0)),
+        (60.0, 0.0005, (0.0, 0.0, 0.0, 1.0)),
+        (70.0, 0.004, (0.0, 0.0, 0.5, 0.5)),
     ],
 )
 def test_who_flies_by_which(inclination_deg, sigma, shares):
@@ -50,6 +52,6 @@ def test_each_layer_flies_its_own_regime(mirrored):
     with torch.no_grad():
         actor.head.weight.zero_()
         actor.head.bias.copy_(torch.arange(4 * REGIMES) / 100.0)
-    for regime, situation in enumerate((seen(0.0, 0.01), seen(60.0, 0.01), seen(60.0, 0.0))):
+    for regime, situation in enumerate((seen(0.0, 0.01), seen(30.0, 0.01), seen(60.0, 0.01), seen(60.0, 0.0))):
         thrust = float(actor(situation)[0, 3].detach())  # the mirror image asks for the same
         assert thrust == pytest.approx((4 * regime + 3) / 100.0)

@@ -177,9 +177,11 @@ def test_an_aligned_actor_is_corrected_and_another_is_not():
     assert all(torch.isfinite(each.grad).all() for each in aligned.parameters() if each.grad is not None)
 
 
-@pytest.mark.parametrize("sigma, lean", [(0.0005, LEAN), (0.004, LEAN + 0.04), (0.015, LEAN + 0.08)])
-def test_an_aligned_actor_leans_more_where_the_surface_is_seen_poorly(sigma, lean):
-    platform, p, v, q = situation(1.0, 0.3, 0.0, 0.08)
+@pytest.mark.parametrize("sigma, share", [(0.0005, 0.0), (0.004, 0.5), (0.015, 1.0)])
+@pytest.mark.parametrize("inclination", [0.3, 0.6, 1.0])
+def test_an_aligned_actor_leans_more_where_the_surface_is_seen_poorly(inclination, sigma, share):
+    platform, p, v, q = situation(inclination, 0.3, 0.0, 0.08)
+    lean = LEAN + 0.08 * share / max(0.5, math.sin(inclination))
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
     push_history(platform, 0.0, history)
     build_observation(history, p, v, q, 1.0, np.zeros(4), 1.0, 0.2, sigma, 1, 0.0, observation)
