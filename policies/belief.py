@@ -1,14 +1,15 @@
 """What the drone believes of the board: an extended Kalman filter on late, intermittent poses from the detector.
 
-State (8): [x, y, z, heading, speed, turn_rate, inclination, acceleration]. The motion model is CTRV (paper Sec.
-"Visibility-Aware Input Augmentation") with a forward acceleration that decays (Singer's model): with `accel_sigma` and
-`calm_accel` 0 it is plain CTRV. How lively the board is driven is estimated beside it (`belief_models`). Speed is
-signed, along the heading; z and inclination are constants that may drift slowly.
+State (9): [x, y, z, heading, speed, turn_rate, inclination, acceleration, heading_bias]. The motion model is CTRV
+(paper Sec. "Visibility-Aware Input Augmentation") with a forward acceleration that decays (Singer's model): with
+`accel_sigma` and `calm_accel` 0 it is plain CTRV. How lively the board is driven is estimated beside it
+(`belief_models`). Speed is signed, along the heading; z and inclination are constants that may drift slowly. Headings
+are measured with a constant bias, as errors of mounting do not average out: where the board goes tells it.
 
-Measurement (5): [x, y, z, heading, inclination] with a diagonal covariance, gated by the Mahalanobis distance. The
-filter stays at the newest exposure time and is predicted forward for output, so a measurement may be as late as it
-likes; one older than the newest accepted is refused and counted. What the gate refuses is kept aside: `reaccept`
-refusals in a row that agree with each other restart the filter there, so that no loss can lock it out.
+Measurement (5): [x, y, z, heading + heading_bias, inclination], its covariance diagonal, gated by the Mahalanobis
+distance. The filter stays at the newest exposure time and is predicted forward for output, so a measurement may be as
+late as it likes; one older than the newest accepted is refused and counted. What the gate refuses is kept aside:
+`reaccept` refusals in a row that agree with each other restart the filter there, so that no loss can lock it out.
 
 One filter is one float64 row ((BELIEF_DIM,)); times are seconds from an origin of the caller's choice.
 """
@@ -17,13 +18,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from groundcar.board_pose import board_normal
 from kernel import njit
 from policies.belief_models import MODEL_DIM, MODELS, combine, judge, mix, model_state, start_models
 from policies.belief_motion import (
     ACCEL_TAU,
     BIAS_HEADING,
-    BIAS_INCLINATION,
     GATE,
     LAMBDA_RHO,
     LIVELY,
@@ -70,7 +72,7 @@ CODES = ("accepted", "restarted", "gated", "out_of_order", "not_finite", "implau
 
 
 @njit
-def measurement_from_pose(position, quaternion, sigma_position, sigma_rotation, params, z, r):
+def measurement_from_pose(position, quaternion, sigma_position, sigma_rotation, z, r):
     """Fill `z`, `r` ((5,) each) from a pose of the board; False if it cannot be one of a board on a level car.
 
     `position` (3,) m; `quaternion` (4,) wxyz, world from board; `sigma_position` (3,) m along the world's axes;
@@ -85,8 +87,8 @@ def measurement_from_pose(position, quaternion, sigma_position, sigma_rotation, 
         r[i] = sigma_position[i] * sigma_position[i]
     z[3] = math.atan2(-yx, yy)
     z[4] = math.atan2(xz, zz)
-    r[3] = sigma_rotation * sigma_rotation + params[BIAS_HEADING] ** 2
-    r[4] = sigma_rotation * sigma_rotation + params[BIAS_INCLINATION] ** 2
+    r[3] = sigma_rotation * sigma_rotation
+    r[4] = sigma_rotation * sigma_rotation
     slack = 4.0 * sigma_rotation
     return abs(yz) < math.sin(min(1.5, 0.35 + slack)) and -0.2 - slack < z[4] < 1.75 + slack
 
@@ -106,6 +108,10 @@ def _start(row, t, z, r, params, restart):
         j = _MEASURED[i]
         row[B_X + j] = z[i]
         row[B_P + j * (N + 1)] = r[i]
+    bias = params[BIAS_HEADING] ** 2
+    row[B_P + 3 * (N + 1)] += bias
+    row[B_P + 8 * (N + 1)] = bias
+    row[B_P + 3 * N + 8] = row[B_P + 8 * N + 3] = -bias
     row[B_X + 4], row[B_X + 5] = speed, turn
     row[B_P + 4 * (N + 1)] = params[SPEED_SIGMA] ** 2
     row[B_P + 5 * (N + 1)] = params[TURN_SIGMA] ** 2
@@ -188,24 +194,20 @@ def _correct(x, p, z, r):
 
     Returns (the joint NIS, log of the innovation covariance's determinant).
     """
-    nis, spread = 0.0, 0.0
+    nis, spread, seen = 0.0, 0.0, np.empty(N)  # seen: covariance of the state with what is measured
     for i in range(M):
         j = _MEASURED[i]
-        innovation = wrap(z[i] - x[j]) if j == 3 else z[i] - x[j]
-        s = p[j * (N + 1)] + r[i]
+        biased = 1.0 if j == 3 else 0.0
+        for a in range(N):
+            seen[a] = p[a * N + j] + biased * p[a * N + 8]
+        innovation = wrap(z[i] - x[j] - x[8]) if j == 3 else z[i] - x[j]
+        s = seen[j] + biased * seen[8] + r[i]
         nis += innovation * innovation / s
         spread += math.log(s)
         for a in range(N):
-            x[a] += p[a * N + j] / s * innovation
-        for a in range(N):
-            for b in range(a, N):
-                if a != j and b != j:
-                    p[a * N + b] -= p[a * N + j] * p[j * N + b] / s
-                    p[b * N + a] = p[a * N + b]
-        shrink = r[i] / s
-        for a in range(N):
-            p[a * N + j] *= shrink
-            p[j * N + a] = p[a * N + j]
+            x[a] += seen[a] / s * innovation
+            for b in range(N):
+                p[a * N + b] -= seen[a] * seen[b] / s
     x[3] = wrap(x[3])
     return nis, spread
 
@@ -225,7 +227,7 @@ def belief_predict(row, t, params, out):
     While nothing is seen the turn rate decays, unlike the paper's (`BeliefParams`). Returns rho. Before the first
     measurement `out` is all zero and rho 0.
     """
-    out[:] = row[B_X : B_X + N]
+    out[:] = row[B_X : B_X + 8]
     span = t - row[B_T]
     if row[B_STREAK] > 0.0 and span > 0.0:
         steps = steps_in(span)
@@ -242,8 +244,8 @@ def belief_predict(row, t, params, out):
 
 @njit
 def belief_covariance(row, t, params, x, p):
-    """Predict state (`x` (8,), the last is acceleration) and covariance (`p` (64,), row-major) to time `t` (s)."""
-    x[:] = row[B_X : B_X + N]
+    """Predict state (`x` (8,), the last is acceleration) and covariance (`p` (N * N,), row-major) to time `t` (s)."""
+    x[:] = row[B_X : B_X + 8]
     p[:] = row[B_P : B_P + N * N]
     advance(x, p, t - row[B_T], params, row[B_WEIGHTS + LIVELY])
     x[3] = wrap(x[3])

@@ -27,7 +27,7 @@ def model_state(models, j):
 
 @njit
 def combine(weights, models, x, p):
-    """Mean (`x` (8,)) and covariance (`p` (64,)) of the mixture."""
+    """Mean (`x` (N,)) and covariance (`p` (N * N,)) of the mixture."""
     likeliest = 0
     for j in range(1, MODELS):
         likeliest = j if weights[j] > weights[likeliest] else likeliest

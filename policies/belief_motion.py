@@ -9,12 +9,12 @@ import numpy as np
 
 from kernel import njit
 
-N = 8  # state: [x, y, z, heading, speed, turn_rate, inclination, acceleration]
+N = 9  # state: [x, y, z, heading, speed, turn_rate, inclination, acceleration, heading_bias]
 
 (GATE, REACCEPT, REACCEPT_LOSS, MAX_SPEED, MAX_TURN, SPEED0, SPEED_SIGMA, TURN_SIGMA, ACCEL_SIGMA, ACCEL_TAU,
- Q_SPEED, Q_TURN, Q_HEADING, Q_POSITION, Q_INCLINATION, BIAS_HEADING, BIAS_INCLINATION, LAMBDA_RHO,
+ Q_SPEED, Q_TURN, Q_HEADING, Q_POSITION, Q_INCLINATION, BIAS_HEADING, LAMBDA_RHO,
  LOSS_AFTER, VALID_AFTER, MAX_AGE, QUIET, BUSY_SPEED, CALM_ACCEL, CALM_NOISE, SETTLE, Q_BEND,
- TURN_TAU) = range(28)  # fmt: skip
+ TURN_TAU) = range(27)  # fmt: skip
 CALM, LIVELY = 0, 1  # how the board may be driven
 STEP = 0.05  # s, longest step of the prediction
 
@@ -28,7 +28,8 @@ class BeliefParams:
     `speed0` +- `speed_sigma`, turn rate 0 +- `turn_sigma`. `accel_sigma`, `accel_tau`: Singer acceleration; the size is
     nearly that of the paper's Hard-I law (1.6 m/s^2 peak), but it is soon over: its OU speeds do not keep gaining.
     The turn rate wanders by `q_turn` and `q_bend` (rad/m) times the speed: a path has bends, and a slow car comes
-    slowly into the next. `bias_*` is added to the angles' sigma because mounting errors do not average out.
+    slowly into the next. Headings are measured with a bias of N(0, `bias_heading`), constant from a start on: where the
+    board goes tells it from its heading.
     `q_position` and `q_inclination` also take up that errors of odometry and calibration wander while the drone
     approaches.
     rho = exp(-lambda_rho T_loss); the loss begins `loss_after` s after the last exposure: a 20 Hz detector 60 ms late
@@ -62,8 +63,7 @@ class BeliefParams:
     q_heading: float = 0.02
     q_position: float = 0.03
     q_inclination: float = 0.02
-    bias_heading: float = 0.0175
-    bias_inclination: float = 0.0
+    bias_heading: float = 0.02
     lambda_rho: float = 2.0
     loss_after: float = 0.11
     valid_after: int = 3

@@ -54,7 +54,7 @@ class BoardFilter:
         self.params = (params or BeliefParams()).row()
         self.row = np.zeros(BELIEF_DIM)
         self._z, self._r = np.zeros(M), np.zeros(M)
-        self._x, self._p, self._out = np.zeros(N), np.zeros(N * N), np.zeros(8)
+        self._x, self._p, self._out = np.zeros(8), np.zeros(N * N), np.zeros(8)
         self._origin_ns = self._exposure_ns = 0
 
     def reset(self) -> None:
@@ -82,7 +82,7 @@ class BoardFilter:
             self._origin_ns = exposure_ns
         sigma = np.array(position_sigma, dtype=np.float64) * np.ones(3)
         p, q = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
-        sane = measurement_from_pose(p, q, sigma, orientation_sigma, self.params, self._z, self._r)
+        sane = measurement_from_pose(p, q, sigma, orientation_sigma, self._z, self._r)
         if not sane and np.isfinite(self._z).all() and np.isfinite(self._r).all():
             self.row[B_REJECTED] += 1.0
             return CODES[IMPLAUSIBLE]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.belief import B_ACCEPTED, B_P
-from policies.belief_motion import BIAS_HEADING, N
+from policies.belief_motion import N
 from policies.env import Env
 from policies.env_config import TICK, EnvConfig
 from policies.env_rows import (
@@ -113,8 +113,7 @@ class EnvFlight:
     def _detection(self, arrival: float, z: np.ndarray, r: np.ndarray) -> Detection:
         """A pose that the filter takes for the measurement `z`, variances `r`, exposed now."""
         sigmas = np.sqrt(r[:3])
-        rotation = math.sqrt(r[3] - self.env.shared.belief[BIAS_HEADING] ** 2)
         q = from_euler(0.0, -z[4], z[3])
         return Detection(
-            float(arrival), self.now_ns, (z[0], z[1], z[2]), q, (sigmas[0], sigmas[1], sigmas[2]), rotation
+            float(arrival), self.now_ns, (z[0], z[1], z[2]), q, (sigmas[0], sigmas[1], sigmas[2]), math.sqrt(r[4])
         )

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from kernel import njit, prange
+from policies.belief_motion import N
 from policies.env import Env, fill_future
 from policies.env_config import C_VISION, TICK
 from policies.env_rows import S_COMMAND, S_STEP, X_P, X_Q, X_V
@@ -56,7 +57,9 @@ _READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_f
 _BOLDLY = {"commit_cost": 4.0, "lean": 0.0, "steep": {**STEEP, "lean": -0.025}}
 
 # Slices of a work row.
-_BOARD, _COVARIANCE, _ESTIMATE, _COMMAND = 0, 8, 72, 72 + ESTIMATE_DIM
+_BOARD, _COVARIANCE = 0, 8
+_ESTIMATE = _COVARIANCE + N * N
+_COMMAND = _ESTIMATE + ESTIMATE_DIM
 _WORK_DIM = _COMMAND + 4
 
 
@@ -91,7 +94,7 @@ def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratc
         state[S_ASKED : S_ASKED + 4] = rows.state[i, S_COMMAND : S_COMMAND + 4]
     x, estimate = work[_BOARD : _BOARD + 8], work[_ESTIMATE : _ESTIMATE + ESTIMATE_DIM]
     command, own = work[_COMMAND : _COMMAND + 4], rows.scratch[i]
-    _board_now(rows, i, shared, now, source == FORESEEN, x, work[_COVARIANCE : _COVARIANCE + 64], estimate)
+    _board_now(rows, i, shared, now, source == FORESEEN, x, work[_COVARIANCE:_ESTIMATE], estimate)
     p, v, q = own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4]
     if source == FORESEEN:
         if planner_due(state, now):

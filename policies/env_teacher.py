@@ -6,7 +6,7 @@ import numpy as np
 
 from kernel import njit, prange
 from policies.belief import belief_covariance
-from policies.belief_motion import ACCEL_TAU
+from policies.belief_motion import ACCEL_TAU, N
 from policies.env import Env, fill_future
 from policies.env_config import TICK
 from policies.env_expert import expert_due, expert_step
@@ -19,7 +19,7 @@ from policies.prediction import CTRV_ACCELERATION, HORIZON, STEP, predict_future
 from policies.thrust_and_drag import G_GAIN
 
 _TICKS = round(STEP / TICK)
-_WORK = 76
+_WORK = 12 + N * N
 
 
 @njit
@@ -40,7 +40,7 @@ def teach_row(rows, i, shared, plan, future, expert, planner, work, sighted, out
         if due:
             fill_future(rows, i, _TICKS, future)
     else:
-        belief_covariance(rows.belief[i], now, shared.belief, board, work[12:76])
+        belief_covariance(rows.belief[i], now, shared.belief, board, work[12:_WORK])
         gain = rows.gain[i, G_GAIN]
         if due:
             predict_future(board, CTRV_ACCELERATION, shared.belief[ACCEL_TAU], STEP, future)

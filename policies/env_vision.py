@@ -82,7 +82,7 @@ def expose(rows, i, shared, platform, now, latency):
         sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k] + floor)
     turned = math.hypot(observed[9], POINTING_SIGMA)
     z, r = x[X_Z : X_Z + 5], x[X_R : X_R + 5]
-    if not measurement_from_pose(observed[0:3], observed[3:7], sigma, turned, shared.belief, z, r):
+    if not measurement_from_pose(observed[0:3], observed[3:7], sigma, turned, z, r):
         return
     slot = S_QUEUE + int(state[S_PENDING]) * SLOT
     state[slot], state[slot + 1] = now + latency, now

@@ -86,7 +86,7 @@ def certain(estimate):
 
 @njit
 def estimate_from_belief(row, t, params, x, p, estimate):
-    """Fill `estimate` from a belief row at time `t`; `x` (8,) gets the state there, `p` (64,) its covariance."""
+    """Fill `estimate` from a belief row at time `t`; `x` (8,) gets the state there, `p` (N * N,) its covariance."""
     belief_covariance(row, t, params, x, p)
     estimate[E_VALID] = 1.0 if belief_valid(row, t, params) else 0.0
     estimate[E_SIGMA] = math.sqrt(max(0.0, 0.5 * (p[0] + p[N + 1])))

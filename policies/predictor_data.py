@@ -128,7 +128,7 @@ def watch(truth, noise, scale, losses, bparams, cam, rng, inputs, contexts, targ
     losing sight in a second.
     """
     belief, history = np.zeros(bf.BELIEF_DIM), np.zeros(pd.HISTORY_DIM)
-    x, cov = np.zeros(8), np.zeros(64)
+    x, cov = np.zeros(8), np.zeros(N * N)
     seen, bias, z, r, sigma = np.zeros(OBS_DIM), np.zeros(BIAS_DIM), np.zeros(5), np.zeros(5), np.zeros(3)
     queue = np.zeros((8, 1 + OBS_DIM))
     p, v, board_v = np.zeros(3), np.zeros(3), np.zeros(3)
@@ -164,7 +164,7 @@ def watch(truth, noise, scale, losses, bparams, cam, rng, inputs, contexts, targ
             entry = queue[head % 8]
             head += 1
             sigma[:] = max(0.002, 0.5 * (entry[8] + entry[9]))
-            if bf.measurement_from_pose(entry[1:4], entry[4:8], sigma, max(0.005, 0.577 * entry[10]), bparams, z, r):
+            if bf.measurement_from_pose(entry[1:4], entry[4:8], sigma, max(0.005, 0.577 * entry[10]), z, r):
                 bf.belief_update(belief, entry[0], z, r, bparams)
         newest = history[pd.H_TIME]
         if not (k >= due or history[pd.H_COUNT] == 0.0 or t - newest >= pd.SAMPLE - 1e-6):

@@ -9,7 +9,7 @@ from hil.report.geometry import Motion, at, axes, nose_up_deg
 from hil.report.recorded import Recorded
 from hil.report.section import Section
 
-# Indices of the filter's state in Belief.variance: x, y, z, heading, speed, turn rate, inclination, acceleration.
+# Indices of the state in Belief.variance: x, y, z, heading, speed, turn rate, inclination, acceleration, heading bias.
 _X, _Y, _Z, _SPEED = 0, 1, 2, 4
 
 

@@ -15,7 +15,7 @@ def consistency(scale):
     """(NIS of the accepted, [(age of the newest exposure s, NEES of position, NEES of speed and turn rate)])."""
     env = Env(EnvConfig(stage="vision", count=128, seed=9, noise_scale=(scale, scale), warm=1.0))
     env.reset()
-    teacher, x, p = Teacher(env), np.zeros(N), np.zeros(N * N)
+    teacher, x, p = Teacher(env), np.zeros(8), np.zeros(N * N)
     belief = env.rows.belief
     nis, found = [], []
     for k in range(120):

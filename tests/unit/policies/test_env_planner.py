@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from policies.belief import B_STREAK, B_T, belief_covariance, belief_valid, surface_sigma
+from policies.belief_motion import N
 from policies.contact import OUTCOME, SUCCESS
 from policies.env import Env
 from policies.env_config import TICK, EnvConfig
@@ -25,7 +26,7 @@ def views(env):
     """What a flight would tell its policy about row 0 now."""
     rows = env.rows
     now = rows.state[0, S_STEP] * TICK
-    x, p, own = np.zeros(8), np.zeros(64), rows.scratch[0]
+    x, p, own = np.zeros(8), np.zeros(N * N), rows.scratch[0]
     belief_covariance(rows.belief[0], now, env.shared.belief, x, p)
     now_ns = round(now * NS)
     vehicle = SimpleNamespace(
@@ -34,7 +35,7 @@ def views(env):
     )  # fmt: skip
     board = SimpleNamespace(
         valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]), heading=x[3],
-        speed=x[4], turn_rate=x[5], inclination=x[6], acceleration=x[7], variance=tuple(p[::9]),
+        speed=x[4], turn_rate=x[5], inclination=x[6], acceleration=x[7], variance=tuple(p[:: N + 1]),
         last_exposure_ns=round(rows.belief[0, B_T] * NS), streak=int(rows.belief[0, B_STREAK]),
         surface_sigma=surface_sigma(rows.belief[0]),
     )  # fmt: skip
@@ -77,14 +78,14 @@ def test_an_episode_s_end_and_a_new_environment_start_it_anew():
 
 def test_as_a_teacher_it_waits_for_the_camera_and_then_knows_the_future():
     def ended(teach):
-        env = Env(EnvConfig(stage="vision", count=24, seed=9, inclination_deg=(20.0, 30.0), speed=(2.4, 2.8)))
+        env = Env(EnvConfig(stage="vision", count=48, seed=9, inclination_deg=(20.0, 30.0), speed=(2.6, 3.0)))
         env.reset()
         teacher, planner = PlannerTeacher(env), PlannerInEnv()
-        while len(env.tally.rows) < 24:
+        while len(env.tally.rows) < 48:
             env.step(teacher.act() if teach else planner(env))
         return (env.tally.rows[:, OUTCOME] == SUCCESS).mean()
 
-    assert ended(teach=True) > 0.9 > ended(teach=False)
+    assert ended(teach=True) > 0.97 > 0.9 > ended(teach=False)
 
 
 def test_a_teacher_on_the_belief_would_fly_as_the_planner_does():
