@@ -38,7 +38,7 @@ class NetworkConfig:
     right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
     a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`); where the surface is seen
     poorly, `lean_unsure` rad more up any slope: thrust then holds against the pull along it, and a contact too early or
-    too late skids less. `regimes`: its last layer is one of four, blended by how steep the board is and how well it is
+    too late skids less. `regimes`: its last layer is one of five, blended by how steep the board is and how well it is
     seen (`network_regimes.py`).
     """
 

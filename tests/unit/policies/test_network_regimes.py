@@ -10,28 +10,33 @@ from policies.network_regimes import REGIMES, regime_shares
 from policies.observation import NEWEST, OBS_DIM, TAIL, TAIL_SIGMA
 
 
-def seen(inclination_deg, sigma):
+def seen(inclination_deg, sigma, distance=1.0):
     observation = torch.zeros(1, OBS_DIM)
     angle = math.radians(inclination_deg)
     observation[0, NEWEST + 3 : NEWEST + 6] = torch.tensor([-math.sin(angle), 0.0, math.cos(angle)])
+    observation[0, NEWEST] = distance
     observation[0, TAIL + TAIL_SIGMA] = sigma
     return observation
 
 
 @pytest.mark.parametrize(
-    ("inclination_deg", "sigma", "shares"),
+    ("inclination_deg", "sigma", "distance", "shares"),
     [
-        (0.0, 0.012, (1.0, 0.0, 0.0, 0.0)),
-        (10.0, 0.0005, (1.0, 0.0, 0.0, 0.0)),
-        (30.0, 0.012, (0.0, 1.0, 0.0, 0.0)),
-        (30.0, 0.004, (0.0, 0.5, 0.0, 0.5)),
-        (60.0, 0.012, (0.0, 0.0, 1.0, 0.0)),
-        (60.0, 0.0005, (0.0, 0.0, 0.0, 1.0)),
-        (70.0, 0.004, (0.0, 0.0, 0.5, 0.5)),
+        (0.0, 0.012, 1.0, (1.0, 0.0, 0.0, 0.0, 0.0)),
+        (10.0, 0.0005, 1.0, (1.0, 0.0, 0.0, 0.0, 0.0)),
+        (30.0, 0.012, 1.0, (0.0, 1.0, 0.0, 0.0, 0.0)),
+        (30.0, 0.004, 5.0, (0.0, 0.5, 0.0, 0.5, 0.0)),
+        (60.0, 0.012, 5.0, (0.0, 0.0, 1.0, 0.0, 0.0)),
+        (60.0, 0.006, 1.0, (0.0, 0.0, 1.0, 0.0, 0.0)),
+        (60.0, 0.0005, 1.0, (0.0, 0.0, 0.0, 1.0, 0.0)),
+        (70.0, 0.004, 1.0, (0.0, 0.0, 0.5, 0.5, 0.0)),
+        (70.0, 0.012, 1.0, (0.0, 0.0, 0.0, 0.0, 1.0)),
+        (70.0, 0.012, 2.5, (0.0, 0.0, 0.5, 0.0, 0.5)),
+        (70.0, 0.0075, 1.0, (0.0, 0.0, 0.5, 0.0, 0.5)),
     ],
 )
-def test_who_flies_by_which(inclination_deg, sigma, shares):
-    observation = seen(inclination_deg, sigma)
+def test_who_flies_by_which(inclination_deg, sigma, distance, shares):
+    observation = seen(inclination_deg, sigma, distance)
     got = regime_shares(observation[:, NEWEST:TAIL], observation[:, TAIL:])[0]
     assert got.tolist() == pytest.approx(shares, abs=1e-5)
 
@@ -52,6 +57,7 @@ def test_each_layer_flies_its_own_regime(mirrored):
     with torch.no_grad():
         actor.head.weight.zero_()
         actor.head.bias.copy_(torch.arange(4 * REGIMES) / 100.0)
-    for regime, situation in enumerate((seen(0.0, 0.01), seen(30.0, 0.01), seen(60.0, 0.01), seen(60.0, 0.0))):
+    situations = seen(0.0, 0.01), seen(30.0, 0.01), seen(60.0, 0.01, 5.0), seen(60.0, 0.0), seen(60.0, 0.01)
+    for regime, situation in enumerate(situations):
         thrust = float(actor(situation)[0, 3].detach())  # the mirror image asks for the same
         assert thrust == pytest.approx((4 * regime + 3) / 100.0)
