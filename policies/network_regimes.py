@@ -22,10 +22,8 @@ REGIMES = 5
 _SLOPE = math.cos(math.radians(15.0)), math.cos(math.radians(25.0))
 _STEEP = math.cos(math.radians(45.0)), math.cos(math.radians(60.0))
 _NEAR = 3.0, 2.0  # m from the board
-_BLURRED = (
-    0.006,
-    0.009,
-)  # m, sigma of the surface: below 6 mm from 2 m on by our detector, 8 to 20 by the published noise
+# m, sigma of the surface: below 6 mm from 2 m on by our detector, 8 to 20 by the published noise.
+_BLURRED = 0.006, 0.009
 
 
 def regime_shares(newest: Tensor, tail: Tensor) -> Tensor:
