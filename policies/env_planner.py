@@ -8,6 +8,7 @@ As a teacher the planner imparts to watch first, which an expert who needs no ca
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -39,6 +40,7 @@ from policies.planner import (
 )
 from policies.planner_params import STEEP
 from policies.planner_policy import planner_params
+from policies.planner_runup import runs_up
 from policies.prediction import HORIZON, STEP
 from policies.predictor import SCRATCH_DIM, load_predictor
 from policies.predictor_planner import MEMORY_DIM, planner_on_learned
@@ -54,7 +56,7 @@ FORESIGHT, BELIEF = "foresight", "belief"  # what a planner that teaches knows
 _READILY = {"commit_cost": 8.0, "run_away": 1.2, "run_turn": 1.0, "camera_half_fov": math.radians(19.0)}
 # Its approach is never as cheap as the planner's own, and it turns up late: it leans 0.05 rad more than it is shown to,
 # over steep boards whose speed swings 0.1.
-_BOLDLY = {"commit_cost": 4.0, "lean": 0.0, "steep": {**STEEP, "lean": -0.025}}
+_BOLDLY: dict[str, Any] = {"commit_cost": 4.0, "lean": 0.0, "steep": {**STEEP, "lean": -0.025}}
 
 # Slices of a work row.
 _BOARD, _COVARIANCE = 0, 8
@@ -137,6 +139,10 @@ class PlannerInEnv:
         )  # fmt: skip
         return self._out
 
+    def runs_up(self) -> np.ndarray:
+        """(N,) bool: which boards, as last seen, take a run-up."""
+        return np.array([runs_up(work[_BOARD : _BOARD + 8], self._params) for work in self._works])
+
     def begin(self, env: Env) -> None:
         """Make a planner for every row, whose first call will start it."""
         self.first = True
@@ -154,10 +160,11 @@ class PlannerTeacher:
     BELIEF: it knows what the student is told and no more, so that nothing in a label has to be guessed.
     """
 
-    def __init__(self, env: Env, knows: str = FORESIGHT) -> None:
-        """`knows`: FORESIGHT or BELIEF."""
+    def __init__(self, env: Env, knows: str = FORESIGHT, run_up: Mapping[str, float] | None = None) -> None:
+        """`knows`: FORESIGHT or BELIEF; `run_up`: changes of what BELIEF does on steep boards, see PlannerParams."""
         self._env = env
-        source, changes = (FORESEEN, _READILY) if knows == FORESIGHT else (LEARNED, _BOLDLY)
+        boldly = {**_BOLDLY, "steep": {**_BOLDLY["steep"], **(run_up or {})}}
+        source, changes = (FORESEEN, _READILY) if knows == FORESIGHT else (LEARNED, boldly)
         self._planner = PlannerInEnv(source, **changes)
         self._planner.begin(env)
         self.remaining = np.full(env.config.count, np.inf)
@@ -170,6 +177,10 @@ class PlannerTeacher:
         """Inverse of `state`."""
         self._planner.states[:], self._planner.first = state["states"], False
         self._planner.memories[:] = state["memories"]
+
+    def runs_up(self) -> np.ndarray:
+        """(N,) bool: which boards, as last seen by `act`, take a run-up."""
+        return self._planner.runs_up()
 
     def act(self) -> np.ndarray:
         """The actions ((N, 4) in [-1, 1], overwritten by the next call); `remaining` gets the s to each contact."""

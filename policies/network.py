@@ -38,8 +38,8 @@ class NetworkConfig:
     right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
     a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`); where the surface is seen
     poorly, `lean_unsure` rad more up any slope: thrust then holds against the pull along it, and a contact too early or
-    too late skids less. `regimes`: its last layer is one of five, blended by how steep the board is and how well it is
-    seen (`network_regimes.py`).
+    too late skids less. `regimes`: its last layer is one of several, blended by how steep the board is, how far and
+    how well it is seen (`network_regimes.py`).
     """
 
     temporal: bool = True
@@ -182,7 +182,7 @@ class Actor(nn.Module):
         """How much each of the last layer's regimes counts, (B, REGIMES) or, if it has none, (B, 1) ones."""
         if not self.config.regimes:
             return torch.ones_like(observation[:, :1])
-        return regime_shares(observation[:, NEWEST:TAIL], observation[:, TAIL:])
+        return regime_shares(observation)
 
     def with_foresight(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """The mean action, and where the board will be ((B, 2 * len(FORESEEN)), m): a training aid."""

@@ -19,6 +19,7 @@ import torch
 
 from policies import train_parallel as parallel
 from policies.dagger import Dagger, DaggerConfig
+from policies.layer_fit import LayerFit, LayerFitConfig
 from policies.network import Actor, NetworkConfig
 from policies.pgpe import Pgpe, PgpeConfig
 from policies.ppo import Ppo, PpoConfig
@@ -39,9 +40,9 @@ from policies.widen import widened
 CHECKPOINT, CURVE, PICTURE, LOG = "checkpoint.pt", "curve.csv", "curve.svg", "log.txt"
 SAVE_EVERY = 50.0  # s
 
-_LEARNERS = {DaggerConfig: Dagger, PpoConfig: Ppo, PgpeConfig: Pgpe}
+_LEARNERS = {DaggerConfig: Dagger, PpoConfig: Ppo, PgpeConfig: Pgpe, LayerFitConfig: LayerFit}
 
-Learner = Dagger | Ppo | Pgpe
+Learner = Dagger | Ppo | Pgpe | LayerFit
 Progress = Callable[[dict], None]
 
 

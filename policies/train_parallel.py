@@ -67,3 +67,10 @@ def mean(value: float) -> float:
     pair = torch.tensor([0.0 if value != value else value, 0.0 if value != value else 1.0], dtype=torch.float64)
     dist.all_reduce(pair)
     return float(pair[0] / pair[1]) if pair[1] > 0 else float("nan")
+
+
+def summed(value: torch.Tensor) -> torch.Tensor:
+    """Sum of a tensor over the processes."""
+    if active():
+        dist.all_reduce(value)
+    return value

@@ -13,13 +13,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from policies.contact import ContactRules
 from policies.dagger import DaggerConfig
 from policies.env_config import EnvConfig
+from policies.layer_fit import LayerFitConfig
 from policies.network import NetworkConfig
 from policies.pgpe import PgpeConfig
 from policies.ppo import PpoConfig
 from policies.reward import RewardWeights
 
 FOLDER = Path(__file__).with_name("recipes")
-_PHASES = {"dagger": DaggerConfig, "ppo": PpoConfig, "pgpe": PgpeConfig}
+_PHASES = {"dagger": DaggerConfig, "ppo": PpoConfig, "pgpe": PgpeConfig, "fit": LayerFitConfig}
 
 
 T = TypeVar("T")
@@ -74,14 +75,15 @@ class Recipe(BaseModel):
         """The network. Raises RecipeError."""
         return _override(NetworkConfig(), self.network, f"recipe {self.name}: network")
 
-    def phase_config(self, phase: Phase) -> DaggerConfig | PpoConfig | PgpeConfig:
+    def phase_config(self, phase: Phase) -> DaggerConfig | PpoConfig | PgpeConfig | LayerFitConfig:
         """The settings of a phase. Raises RecipeError."""
         if phase.kind not in _PHASES:
             raise RecipeError(f"recipe {self.name}: phase kind '{phase.kind}' is not one of {', '.join(_PHASES)}")
         config = _override(_PHASES[phase.kind](), phase.settings, f"recipe {self.name}: {phase.kind}")
-        if isinstance(config, PgpeConfig):
+        if isinstance(config, PgpeConfig | LayerFitConfig):
             if phase.teacher:
-                raise RecipeError(f"recipe {self.name}: phase kind 'pgpe' has no teacher; leave [phase.teacher] out")
+                reason = f"phase kind '{phase.kind}' has no teacher to set; leave [phase.teacher] out"
+                raise RecipeError(f"recipe {self.name}: {reason}")
             return config
         return replace(config, teacher=_override(config.teacher, phase.teacher, f"recipe {self.name}: teacher"))
 

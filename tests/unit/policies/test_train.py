@@ -213,9 +213,19 @@ def test_policy_search_is_a_phase_as_any_other(tiny, tmp_path):
     saved = load_checkpoint(tmp_path / "run" / CHECKPOINT)
     assert saved["phase"] == 2 and saved["total"] == 1024 + 768 + saved["learner"]["samples"]
     assert float((tmp_path / "run" / CURVE).read_text().splitlines()[-1].split(",")[1]) == 2.0
-    tiny.write_text(TINY + SEARCH + "teacher = { sink = 1.0 }\n")
-    with pytest.raises(RecipeError, match="'pgpe' has no teacher"):
+
+
+@pytest.mark.parametrize("kind", ["pgpe", "fit"])
+def test_a_phase_that_takes_no_teacher_refuses_one(kind, tiny):
+    tiny.write_text(f'{TINY}[[phase]]\nkind = "{kind}"\nteacher = {{ sink = 1.0 }}\n')
+    with pytest.raises(RecipeError, match=f"'{kind}' has no teacher"):
         load_recipe(tiny)
+
+
+def test_a_layer_that_the_network_lacks_cannot_be_fitted(tiny, tmp_path):
+    tiny.write_text(TINY + '[[phase]]\nkind = "fit"\n')
+    with pytest.raises(TrainingError, match="regimes, mirrored"):
+        run("state", str(tiny), 1, tmp_path / "run")
 
 
 @pytest.mark.slow
