@@ -26,7 +26,7 @@ _STEEP = math.cos(math.radians(45.0)), math.cos(math.radians(60.0))
 _NEAR = 3.0, 2.0  # m from the board
 _BLURRED = 0.006, 0.009  # m, sigma: from 2 m on ours is below that, the published noise's 8 to 20 mm
 _AFAR = 2.0, 2.6  # m from the board
-_LATELY = 16  # entries of the history: 1.3 s at a stride of 8. In the first second speeds are still being found out
+_LATELY = 20  # entries of the history: 1.6 s at a stride of 8. In the first second speeds are still being found out
 _STEADY = 0.8, 0.5  # m/s, range of the board's speeds lately
 
 
