@@ -131,6 +131,13 @@ class LayerFit:
         self.moments += flown
         if not torch.isfinite(self.moments).all():
             raise TrainingError("the features' moments are not finite; the last good checkpoint is kept")
+        # The bias's ones, where the action has no sign of its own (thrust), count the samples.
+        count = float(self.moments[3, -2, -2])
+        if not count:
+            raise TrainingError(
+                "no flight saw a steep, steady board from afar: there is nothing to fit that layer to; "
+                "set [env] inclination_deg to more than 60 and its flights to begin more than 2.6 m away"
+            )
         square, head = 0.0, self.actor.head
         for k, moments in enumerate(self.moments):
             gram, wanted = moments[:-1, :-1], moments[:-1, -1]
@@ -138,8 +145,7 @@ class LayerFit:
             layer = torch.linalg.lstsq(gram + ridge, wanted[:, None], driver="gelsd").solution[:, 0]
             square += float(moments[-1, -1] - 2.0 * layer @ wanted + layer @ gram @ layer)
             head.weight[4 * AFAR + k], head.bias[4 * AFAR + k] = layer[:-1].to(head.weight), layer[-1].to(head.bias)
-        # The bias's ones, where the action has no sign of its own (thrust), count the samples.
-        return math.sqrt(max(0.0, square) / max(1e-9, 4.0 * float(self.moments[3, -2, -2])))
+        return math.sqrt(max(0.0, square) / (4.0 * count))
 
     def state(self) -> dict:
         """All that a resumed run needs."""

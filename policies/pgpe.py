@@ -134,15 +134,15 @@ class Pgpe:
         change = torch.from_numpy(self.rng.standard_normal(shape).astype(np.float32)).to(self.device)
         both = torch.cat([change, -change], 1).flatten(0, 2)
         seeds = self.rng.integers(_TRAINING_SEEDS, size=c.pairs).repeat(2).tolist()
-        ended, steps_out = fly_out(start, self.env.shared, self._act(both), seeds)
+        shares = torch.zeros(2 * c.pairs * len(start.done), self.actor.head.out_features // 4, device=self.device)
+        ended, steps_out = fly_out(start, self.env.shared, self._act(both, shares=shares), seeds)
         self.samples += round(parallel.mean(steps_near + steps_out))  # all processes end together
         scores = score(ended, self.env.config.rules, c).reshape(c.pairs, 2, -1)
         better = torch.from_numpy(0.5 * (scores[:, 0] - scores[:, 1])).float().to(self.device)
         # Who does not fly by a regime's layer tells nothing of it; one that few fly by moves as much less.
-        with torch.no_grad():
-            shares = self.actor.shares(torch.from_numpy(start.observation).to(self.device)).repeat_interleave(4, 1)
-        gradient = torch.einsum("pn,pnok,no->ok", better, change[:, 0], shares)
-        gradient /= c.pairs * shares.sum(0)[:, None].clamp(min=_FEW * len(shares))
+        mine = shares.reshape(c.pairs, 2, len(start.done), -1).amax(1).repeat_interleave(4, 2)
+        gradient = torch.einsum("pn,pnok,pno->ok", better, change[:, 0], mine)
+        gradient /= mine.sum((0, 1))[:, None].clamp(min=_FEW * better.numel())
         self._move(gradient)
         return {
             "samples": self.samples,
@@ -152,12 +152,19 @@ class Pgpe:
             "moved": float(self.space.offset.detach().norm()),
         }
 
-    def _act(self, change: Tensor | None = None, watch: Callable[[Tensor], None] | None = None) -> Act:
-        """The actor, row by row `change`d; `watch` is shown the features."""
+    def _act(
+        self,
+        change: Tensor | None = None,
+        watch: Callable[[Tensor], None] | None = None,
+        shares: Tensor | None = None,
+    ) -> Act:
+        """The actor, row by row `change`d; `watch` is shown the features, `shares` (rows, regimes) raised to the
+        largest that each regime had of a row's flight."""
         head = self.actor.head
 
         def act(observation: np.ndarray, which: np.ndarray) -> np.ndarray:
-            mine = None if change is None else change[torch.from_numpy(which).to(self.device)]
+            seen, rows = (torch.from_numpy(array).to(self.device) for array in (observation, which))
+            mine = None if change is None else change[rows]
 
             def changed(features: Tensor) -> Tensor:
                 if watch is not None:
@@ -165,7 +172,9 @@ class Pgpe:
                 return head(features) if mine is None else head(features) + self.space.changed(features, mine)
 
             with torch.no_grad():
-                return self.actor(torch.from_numpy(observation).to(self.device), changed).cpu().numpy()
+                if shares is not None:
+                    shares[rows] = torch.maximum(shares[rows], self.actor.shares(seen))
+                return self.actor(seen, changed).cpu().numpy()
 
         return act
 

@@ -61,17 +61,18 @@ def memory_left(strike):
 class Strike:
     """A progress callback that hits one service `after_s` into a stage of the run."""
 
-    def __init__(self, out, service, number, stage="attempt", after_s=0.5):
+    def __init__(self, out, service, number, stage="attempt", after_s=0.3):
         self.out, self.service, self.number, self.stage, self.after_ns = out, service, number, stage, after_s * 1e9
         self.since_ns, self.done, self.memory = None, False, set()
 
     def __call__(self, now_ns, what):
+        if not self.memory and (now_ns or what.startswith(self.stage)):  # a second's work: not in the attempt
+            self.memory = set().union(*(mapped_memory(pid) for pid in processes(self.out).values()))
         if self.done or not what.startswith(self.stage):
             return
         self.since_ns = now_ns if self.since_ns is None else self.since_ns
         if now_ns - self.since_ns >= self.after_ns:
             self.done = True
-            self.memory = set().union(*(mapped_memory(pid) for pid in processes(self.out).values()))
             if self.service == "":
                 raise KeyboardInterrupt
             os.kill(processes(self.out)[self.service], self.number)

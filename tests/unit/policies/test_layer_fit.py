@@ -65,6 +65,14 @@ def test_boards_that_take_no_run_up_are_flown_as_before():
     assert not torch.equal(head[MINE], run.actor.head.weight[MINE])
 
 
+def test_without_a_board_to_learn_from_it_stops_and_keeps_the_layer():
+    run = fresh(env=replace(ENV, inclination_deg=(0.0, 20.0)))
+    head = run.actor.head.weight.detach().clone()
+    with pytest.raises(TrainingError, match="steep, steady board"):
+        run.step()
+    assert torch.equal(head, run.actor.head.weight)
+
+
 @pytest.mark.parametrize("network", [{"regimes": True}, {"mirrored": True}])
 def test_a_network_without_such_a_layer_is_refused(network):
     config = NetworkConfig(**network)

@@ -10,6 +10,8 @@ from policies.contact import NORMAL_ERROR, NORMAL_SPEED, PLANAR, TANGENTIAL_SPEE
 from policies.env_config import EnvConfig
 from policies.env_rows import E_STEPS, ENDED_DIM
 from policies.network import Actor, NetworkConfig
+from policies.network_regimes import REGIMES
+from policies.observation import ENTRY_DIM, OBS_DIM, TAIL
 from policies.pgpe import Pgpe, PgpeConfig, score
 from policies.shipped import policy_file
 from policies.train_actor import load_actor
@@ -96,3 +98,18 @@ def test_over_flat_boards_the_other_regimes_stay():
     run.step()
     moved = run.space.offset.detach().abs().sum(1)
     assert bool((moved[:4] > 0.0).all()) and bool((moved[4:] == 0.0).all())
+
+
+def test_a_flight_tells_of_every_regime_that_it_flew_by():
+    actor = Actor(NetworkConfig(width=32, regimes=True))
+    run = Pgpe(replace(ENV, count=2), actor.config, SMALL, actor=actor)
+    over = np.zeros((2, 1, OBS_DIM), dtype=np.float32)
+    over[:, :, TAIL - ENTRY_DIM + 5] = [[1.0], [0.0]]  # a flat board, then an upright one
+    shares = torch.zeros(3, REGIMES)
+    act = run._act(shares=shares)
+    for seen in over:
+        act(seen, np.array([1]))
+    flat, upright = (actor.shares(torch.from_numpy(seen))[0] for seen in over)
+    assert float((flat * upright).max()) == 0.0
+    assert torch.equal(shares[1], torch.maximum(flat, upright))
+    assert not shares[[0, 2]].any()
