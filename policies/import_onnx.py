@@ -66,10 +66,10 @@ def _weights(model: onnx.ModelProto) -> dict[str, Tensor]:
 
 
 def _config(weights: dict[str, Tensor]) -> NetworkConfig:
-    """The sizes that the weights have, how it leans, whether there are regimes. Raises KeyError if one is missing."""
+    """Sizes that the weights have, how it leans and touches, whether it has regimes. Raises KeyError if one misses."""
     width = len(weights["trunk.first.bias"])
     kind: dict[str, Any] = {"aligned": "lean" in weights, "regimes": len(weights["head.bias"]) == 4 * REGIMES}
-    kind |= {name: round(float(weights[name]), 6) for name in ("lean", "lean_unsure") if name in weights}
+    kind |= {name: round(float(weights[name]), 6) for name in ("lean", "lean_unsure", "soft") if name in weights}
     temporal = "trunk.tcn.third.bias" in weights
     if not temporal:
         return NetworkConfig(temporal=False, width=width, **kind)

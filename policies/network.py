@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
 from policies.network_regimes import REGIMES, regime_shares
+from policies.network_soft import softened_action
 from policies.network_touch import aligned_action, flared_action, lean_everywhere, seen_poorly
 from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, TAIL_V, USUAL_DRAG
 
@@ -38,7 +39,8 @@ class NetworkConfig:
     right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
     a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`); where the surface is seen
     poorly, `lean_unsure` rad more up any slope: thrust then holds against the pull along it, and a contact too early or
-    too late skids less. `regimes`: its last layer is one of several, blended by how steep the board is, how far and
+    too late skids less. `soft`: m/s that thrust brakes to before contact, where more is not needed (`network_soft.py`);
+    0: it does not. `regimes`: its last layer is one of several, blended by how steep the board is, how far and
     how well it is seen (`network_regimes.py`).
     """
 
@@ -48,6 +50,7 @@ class NetworkConfig:
     aligned: bool = False
     lean: float = 0.0
     lean_unsure: float = 0.0
+    soft: float = 0.0
     regimes: bool = False
     channels: tuple[int, int, int] = (24, 32, 48)
     width: int = 128
@@ -144,6 +147,7 @@ class Actor(nn.Module):
     action_signs: Tensor
     lean: Tensor
     lean_unsure: Tensor
+    soft: Tensor
     future_signs: Tensor
 
     def __init__(self, config: NetworkConfig) -> None:
@@ -156,6 +160,8 @@ class Actor(nn.Module):
             self.register_buffer("lean", torch.tensor([config.lean]))
             if config.lean_unsure:
                 self.register_buffer("lean_unsure", torch.tensor([config.lean_unsure]))
+        if config.soft:
+            self.register_buffer("soft", torch.tensor([config.soft]))
         self.trunk = Trunk(config, 0)
         self.head = nn.Linear(config.width, 4 * REGIMES if config.regimes else 4)
         self.foresight = nn.Linear(config.width, 2 * len(FORESEEN))
@@ -170,13 +176,13 @@ class Actor(nn.Module):
         if self.config.mirrored:
             reflected = _blended(head(self.trunk(observation * self.observation_signs)), shares)
             action = 0.5 * (action + self.action_signs * reflected)
-        if not self.config.aligned:
-            return action
         newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
-        lean = self.lean
-        if self.config.lean_unsure:
-            lean = lean + self.lean_unsure * seen_poorly(tail) * lean_everywhere(newest)
-        return flared_action(newest, tail, aligned_action(newest, tail, action, lean), lean)
+        if self.config.aligned:
+            lean = self.lean
+            if self.config.lean_unsure:
+                lean = lean + self.lean_unsure * seen_poorly(tail) * lean_everywhere(newest)
+            action = flared_action(newest, tail, aligned_action(newest, tail, action, lean), lean)
+        return softened_action(newest, tail, action, self.soft) if self.config.soft else action
 
     def shares(self, observation: Tensor) -> Tensor:
         """How much each of the last layer's regimes counts, (B, REGIMES) or, if it has none, (B, 1) ones."""

@@ -18,7 +18,7 @@ _TCN = ("trunk.tcn.first", "trunk.tcn.second", "trunk.tcn.third")
 
 
 def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
-    """A copy of `actor` with the sizes of `wanted`, mirrored, aligned and with regimes as that says.
+    """A copy of `actor` with the sizes of `wanted`, mirrored, aligned, soft and with regimes as that says.
 
     Raises ValueError unless the sizes are whole multiples of its own, or if it would lose its regimes.
     """
@@ -46,7 +46,7 @@ def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
     if wanted.regimes and not has.regimes:
         _copy_units(weights, "head", REGIMES)
     wider = Actor(wanted)
-    for told in ("lean", "lean_unsure"):  # no weights that were learnt: `wanted` tells
+    for told in ("lean", "lean_unsure", "soft"):  # no weights that were learnt: `wanted` tells
         weights.pop(told, None)
     wider.load_state_dict({**wider.state_dict(), **weights})
     return wider

@@ -23,7 +23,7 @@ CHECKPOINTS = Path(__file__).parents[3] / "policies" / "checkpoints"
     [
         {},
         {"mirrored": True, "aligned": True, "lean": 0.1},
-        {"aligned": True, "lean": 0.1, "lean_unsure": 0.07, "regimes": True},
+        {"aligned": True, "lean": 0.1, "lean_unsure": 0.07, "soft": 0.5, "regimes": True},
         {"temporal": False},
         {"regimes": True},
         {"width": 192, "channels": (8, 12, 16)},

@@ -42,10 +42,10 @@ def test_a_network_may_begin_to_ask_about_the_mirror_image():
 
 def test_a_network_may_begin_to_touch_aligned_and_lean_otherwise():
     leaning = widened(Actor(SMALL), replace(SMALL, aligned=True, lean=0.1))
-    more = widened(leaning, replace(SMALL, aligned=True, lean=0.2, lean_unsure=0.05, width=32))
+    more = widened(leaning, replace(SMALL, aligned=True, lean=0.2, lean_unsure=0.05, soft=0.5, width=32))
     assert leaning.lean.tolist() == pytest.approx([0.1]) and more.lean.tolist() == pytest.approx([0.2])
-    assert more.lean_unsure.tolist() == pytest.approx([0.05])
-    assert not {"lean", "lean_unsure"} & widened(more, replace(SMALL, width=32)).state_dict().keys()
+    assert more.lean_unsure.tolist() == pytest.approx([0.05]) and more.soft.tolist() == [0.5]
+    assert not {"lean", "lean_unsure", "soft"} & widened(more, replace(SMALL, width=32)).state_dict().keys()
 
 
 def test_regimes_are_not_thrown_away():
