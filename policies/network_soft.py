@@ -1,4 +1,4 @@
-"""The last eighth of a second: thrust that brakes a drone which would hit the board harder than it need.
+"""The last 0.15 s: thrust that brakes a drone which would hit the board harder than it need.
 
 By then the body's z axis is on the board's normal, so that thrust alone decides how fast they meet. A network that has
 learnt from how flights end keeps some speed in hand, for who touches late slides down the slope meanwhile. Where the
