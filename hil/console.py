@@ -103,7 +103,8 @@ def run_table(
 def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: float = 0.95) -> RenderableType:
     """Several seeds of one scenario: a line each, then the counts with their exact interval."""
     table = Table(title=f"{scenario.title}  ({len(scores)} seeds)", box=box.SIMPLE_HEAD, title_justify="left")
-    for column in ("seed", "attached", "within tolerance", "planar m", "normal deg", "tangential m/s", "time s"):
+    columns = "seed", "attached", "within tolerance", "planar m", "normal deg", "tangential m/s", "impact m/s", "time s"
+    for column in columns:
         table.add_column(column, justify="right")
     table.add_column("why not")
     for score in scores:
@@ -115,6 +116,7 @@ def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: floa
             _number(m.planar, 3),
             _number(m.normal_alignment_deg, 2),
             _number(m.impact_tangential, 2),
+            _number(m.impact_normal, 2),
             _number(m.duration, 2),
             "; ".join(score.reasons),
         )

@@ -24,6 +24,9 @@ from scenarios.spec import Tolerance
 from scenarios.toml_errors import ConfigError
 
 CONFIDENCE = 0.95
+_MEDIANS = (  # metric, digits
+    ("planar", 3), ("normal_alignment_deg", 2), ("impact_tangential", 2), ("impact_normal", 2), ("duration", 2),
+)  # fmt: skip
 
 
 def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "") -> str:
@@ -62,16 +65,16 @@ def _summary(groups: dict[Group, list[Line]]) -> Markup:
     rows: list[tuple[object, ...]] = []
     for about, group in groups.items():
         rates = [_rate(sum(line.score[key] for line in group), len(group)) for key in ("within_tolerance", "attached")]
-        medians = [
-            number(_median([line.score["metrics"][key] for line in group]), digits)
-            for key, digits in (("planar", 3), ("normal_alignment_deg", 2), ("impact_tangential", 2), ("duration", 2))
-        ]
+        medians = [number(_median([line.score["metrics"][key] for line in group]), digits) for key, digits in _MEDIANS]
         tag = Markup(' <span class="tag">{}</span>').format(
             about.identity if about.camera == "unknown" else f"{about.identity}, {about.camera}"
         )
         link = Markup('<a href="#{}">{}</a>').format(about.ident, about.scenario) + tag
         rows.append((link, about.policy, *rates, *medians))
-    head = ("scenario", "policy", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s", "time s")
+    head = (
+        "scenario", "policy", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s", "impact m/s",
+        "time s",
+    )  # fmt: skip
     return table(head, rows, "campaign")
 
 

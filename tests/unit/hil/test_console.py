@@ -127,6 +127,7 @@ def test_seeds_give_counts_with_their_exact_interval():
     assert lines(text, "within tolerance  ")[2:] == ["18", "of", "20", "(68-99", "%)"]
     assert "distance" in text
     assert "ground" in text
+    assert "impact m/s" in text and "-0.55" in text
 
 
 def test_rates():

@@ -39,6 +39,7 @@ def test_counts_with_their_exact_interval(runs, tmp_path):
     assert f"3 of 4 ({low}–{high} %)" in text
     assert "1 of 1 (3–100 %)" in text
     assert "the time ran out 1" in text
+    assert "impact m/s" in text[: text.index("outcome")]  # of each scenario, before its single runs
     assert "seed4: ended before the referee decided" in text
     assert "Published flight: planar 0.23 m" in text
     assert "This scenario names no published row." in text
