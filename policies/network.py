@@ -19,8 +19,8 @@ from torch import Tensor, nn
 from policies.mirror import ACTION_SIGNS, OBSERVATION_SIGNS
 from policies.network_regimes import REGIMES, regime_shares
 from policies.network_soft import softened_action
-from policies.network_touch import aligned_action, flared_action, lean_everywhere, seen_poorly
-from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, TAIL_V, USUAL_DRAG
+from policies.network_touch import aligned_action, flared_action, lean_everywhere, relative_velocity, seen_poorly
+from policies.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, USUAL_DRAG
 
 FUTURE = 15  # N of the paper
 FORESEEN = (2, 5, 9, 14)  # which of them the trunk is asked to foretell while it imitates
@@ -89,8 +89,7 @@ class Tcn(nn.Module):
 def geometry(newest: Tensor, tail: Tensor) -> Tensor:
     """(B, GEOMETRY_DIM) products of the newest entry (physical units) and the tail; see the module's text."""
     p, n = newest[:, 0:3], newest[:, 3:6]
-    board_v = torch.cat([newest[:, 6:8], torch.zeros_like(newest[:, :1])], 1)
-    v = tail[:, TAIL_V : TAIL_V + 3] - board_v
+    v = relative_velocity(newest, tail)
     z = tail[:, [TAIL_R + 2, TAIL_R + 5, TAIL_R + 8]]
     along, closing = (p * n).sum(1, keepdim=True), (v * n).sum(1, keepdim=True)
     across, sliding = p - along * n, v - closing * n
@@ -172,10 +171,12 @@ class Actor(nn.Module):
     def forward(self, observation: Tensor, head: Callable[[Tensor], Tensor] | None = None) -> Tensor:
         """The mean action; `head` in place of the actor's own, from features (B, width) to what that gives."""
         head, shares = head or self.head, self.shares(observation)
-        action = _blended(head(self.trunk(observation)), shares)
-        if self.config.mirrored:
-            reflected = _blended(head(self.trunk(observation * self.observation_signs)), shares)
-            action = 0.5 * (action + self.action_signs * reflected)
+        if self.config.mirrored:  # at once: in flight it is the operations that take time, not the numbers
+            both = self.trunk(torch.cat([observation, observation * self.observation_signs]))
+            seen, reflected = (_blended(head(features), shares) for features in both.chunk(2))
+            action = 0.5 * (seen + self.action_signs * reflected)
+        else:
+            action = _blended(head(self.trunk(observation)), shares)
         newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
         if self.config.aligned:
             lean = self.lean

@@ -34,21 +34,18 @@ def softened_action(newest: Tensor, tail: Tensor, action: Tensor, into: Tensor) 
     `newest` (B, 10) history entry and `tail` (B, 20), both in the yaw frame. Under thrust f, of which `lift` acts along
     the normal, and the pull along it, speed^2 falls by twice (lift * f + pull) on every metre.
     """
-    n, z, height, beside, closing, cosine = approach(newest, tail)
+    n, z, velocity, height, beside, closing, cosine = approach(newest, tail)
     height, lift = height - BELOW - TILT * RADIUS, 0.5 * (1.0 + cosine)
     gain, drag = tail[:, TAIL_GAIN : TAIL_GAIN + 1], tail[:, TAIL_DRAG : TAIL_DRAG + 1]
-    v = tail[:, TAIL_V : TAIL_V + 3]
     given = gain * _thrust(tail[:, TAIL_ACTION + 3 : TAIL_ACTION + 4])
     asked = action[:, 3:4].clamp(-1.0, 1.0)
-    level = torch.zeros_like(height)
-    free = torch.cat([level, level, level - GRAVITY], 1) - drag * v  # acceleration without thrust
+    free = tail.new_tensor([[0.0, 0.0, -GRAVITY]]) - drag * tail[:, TAIL_V : TAIL_V + 3]  # acceleration without thrust
     pull, way, lagging = (free * n).sum(1, keepdim=True), height + MARGIN, LAG * closing
     work = 0.5 * (closing * closing - into * into) - pull * way - lift * given * lagging
     needed = work / (lift * (way - lagging).clamp(min=SHORTEST))
     raised = ((needed / gain.clamp(min=0.3) - THRUST_MIN) / _HALF - 1.0).clamp(-1.0, 1.0)
     left = height / closing.clamp(min=SLOWEST)
-    sliding = v - torch.cat([newest[:, 6:8], level], 1)
-    sliding = sliding + (gain * _thrust(asked) * z + free) * left.clamp(min=0.0, max=WITHIN)
+    sliding = velocity + (gain * _thrust(asked) * z + free) * left.clamp(min=0.0, max=WITHIN)
     sliding = (sliding - (sliding * n).sum(1, keepdim=True) * n).norm(dim=1, keepdim=True)
     share = ((SLIDING[1] - sliding) / (SLIDING[1] - SLIDING[0])).clamp(0.0, 1.0) * (1.0 - seen_poorly(tail))
     softened = asked + share * (raised - asked).clamp(min=0.0)

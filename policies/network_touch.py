@@ -32,10 +32,11 @@ _TINY = 1e-9  # under the root: its slope stays finite
 
 
 class Approach(NamedTuple):
-    """`touch.approach` of the body's centre, and what it takes; one column each, but for normal and axis (B, 3)."""
+    """`touch.approach` of the body's centre, and what it takes; one column each, but for the first three (B, 3)."""
 
     normal: Tensor
     axis: Tensor  # body z
+    velocity: Tensor  # relative to the board
     height: Tensor
     beside: Tensor  # squared
     closing: Tensor
@@ -52,14 +53,20 @@ def lean_everywhere(newest: Tensor) -> Tensor:
     return 1.0 / (1.0 - newest[:, 5:6] ** 2).clamp(min=SLOPE * SLOPE).sqrt()
 
 
+def relative_velocity(newest: Tensor, tail: Tensor) -> Tensor:
+    """(B, 3) m/s, the drone's less the board's, which has none upwards."""
+    v = tail[:, TAIL_V : TAIL_V + 3]
+    return torch.cat([v[:, :2] - newest[:, 6:8], v[:, 2:]], 1)
+
+
 def approach(newest: Tensor, tail: Tensor) -> Approach:
     d, n = -newest[:, 0:3], newest[:, 3:6]
-    board_v = torch.cat([newest[:, 6:8], torch.zeros_like(newest[:, :1])], 1)
+    velocity = relative_velocity(newest, tail)
     z = tail[:, [TAIL_R + 2, TAIL_R + 5, TAIL_R + 8]]
     height = (d * n).sum(1, keepdim=True)
     beside = (d * d).sum(1, keepdim=True) - height * height
-    closing = -((tail[:, TAIL_V : TAIL_V + 3] - board_v) * n).sum(1, keepdim=True)
-    return Approach(n, z, height, beside, closing, (n * z).sum(1, keepdim=True))
+    closing = -(velocity * n).sum(1, keepdim=True)
+    return Approach(n, z, velocity, height, beside, closing, (n * z).sum(1, keepdim=True))
 
 
 def _wanted_axis(newest: Tensor, left: Tensor, lean: Tensor) -> Tensor:
@@ -85,7 +92,7 @@ def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -
     `newest` (B, 10) history entry and `tail` (B, 20), both in the yaw frame; `action` (B, 4), clipped to [-1, 1] where
     it is corrected; `lean` (1,) or (B, 1) rad up a vertical slope.
     """
-    _, z, height, beside, closing, cosine = approach(newest, tail)
+    _, z, _, height, beside, closing, cosine = approach(newest, tail)
     edge = BELOW * cosine + RADIUS * (1.0 - cosine * cosine).clamp(min=_TINY).sqrt()
     margin = (UNSURE * tail[:, TAIL_SIGMA : TAIL_SIGMA + 1]).clamp(max=MOST)
     left = (height - edge - margin) / closing.clamp(min=SLOWEST)
@@ -103,7 +110,7 @@ def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -
 
 def flared_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -> Tensor:
     """`late_flare` on what a network sees; arguments as of `aligned_action`."""
-    n, z, height, beside, closing, cosine = approach(newest, tail)
+    n, z, _, height, beside, closing, cosine = approach(newest, tail)
     height = height - BELOW - RADIUS * lean * (n[:, 0:1] * n[:, 0:1] + n[:, 1:2] * n[:, 1:2]).clamp(min=_TINY).sqrt()
     strongest = THRUST_MAX * tail[:, TAIL_GAIN : TAIL_GAIN + 1]
     stopping = closing * closing - 2.0 * height * (0.5 * strongest * (1.0 + cosine) - GRAVITY * n[:, 2:3])
