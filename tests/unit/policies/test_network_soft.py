@@ -91,6 +91,10 @@ def test_thrust_is_only_ever_raised_and_rates_stay(inclination, lean, left, clos
     assert max(-1.0, min(1.0, thrust)) - 1e-6 <= float(got[3].clamp(-1.0, 1.0)) <= 1.0
 
 
+def test_who_brakes_harder_already_goes_on():
+    assert float(softened(situation(0.0, 0.0, 0.0, 0.1, closing=0.6), 0.9, before=0.9)[3]) == pytest.approx(0.9)
+
+
 NEAR = climbing(1.2, 0.9, 0.1)
 
 
@@ -103,9 +107,16 @@ def test_by_hand_on_a_flat_board():
     assert float(got[3]) == pytest.approx((thrust - 4.8) / 5.0 - 1.0, abs=1e-4)
 
 
+def askew():
+    """Body z farther off the normal than it may be, on its way to a contact without sliding."""
+    platform, p, v, q = situation(0.0, 0.66, 0.0, 0.02, closing=0.9)
+    zx, zy, _ = body_z(q)
+    return platform, p, v - 0.45 * np.array([zx, zy, 0.0]), q
+
+
 @pytest.mark.parametrize(
     "here",
-    [climbing(1.2, 0.9, WITHIN + 0.03), climbing(1.2, 0.45, 0.05), situation(0.0, 0.8, 0.0, 0.1, closing=0.9),
+    [situation(0.0, 0.0, 0.0, WITHIN + 0.03, closing=0.9), situation(0.0, 0.0, 0.0, 0.1, closing=0.45), askew(),
      situation(0.0, 0.0, 0.0, 0.1, closing=0.9, beside=0.4), climbing(1.2, 0.9, -0.02)],
     ids=["far", "slow", "askew", "beside", "through"],
 )  # fmt: skip
