@@ -50,10 +50,27 @@ class Process:
 
     def stopped(self) -> bool:
         """Whether somebody has stopped it (SIGSTOP): it lives and does nothing."""
+        return self._stat()[0] in ("T", "t")
+
+    def leaving(self) -> int | None:
+        """As `ended`, but told as soon as its main thread is gone.
+
+        A process has not ended before its last thread has, and under real-time load that one waits for a core for
+        seconds.
+        """
+        code = self.ended()
+        if code is not None:
+            return code
+        state, status = self._stat()
+        return os.waitstatus_to_exitcode(status) if state in ("Z", "X") else None
+
+    def _stat(self) -> tuple[str, int]:
+        """State letter and wait status of its main thread (proc(5), /proc/pid/stat, fields 3 and 52)."""
         try:
-            return Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()[0] in "Tt"
+            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+            return fields[0], int(fields[-1])
         except (OSError, IndexError):
-            return False
+            return "", 0
 
     def last_words(self) -> str:
         """The last line it wrote."""
@@ -62,7 +79,7 @@ class Process:
 
     def why(self) -> str:
         """How it ended, in words."""
-        code = self.ended()
+        code = self.leaving()
         if code is None:
             return f"{self.name} runs"
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"

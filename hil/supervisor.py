@@ -142,7 +142,10 @@ class Supervisor:
         now = time.monotonic_ns()
         if now < self._started_ns:
             return ""
-        return silence(now, self.health, self._heard, self._watched())
+        silent = silence(now, self.health, self._heard, self._watched())
+        if not silent:
+            return ""
+        return next((one.why() for one in self._processes.values() if one.leaving() is not None), silent)
 
     def _watched(self) -> list[str]:
         return [*(name for name in self._processes if name != "hub"), *self._remote]

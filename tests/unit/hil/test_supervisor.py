@@ -68,6 +68,22 @@ def test_a_stopped_process_is_known_as_stopped(tmp_path):
     one.end(0.0)
 
 
+def half_gone(tmp_path):
+    """A process whose main thread has left by itself, with status 7 (x86-64's and arm64's exit), another lives on."""
+    code = "import ctypes, platform, threading, time\nthreading.Thread(target=time.sleep, args=(60,)).start()\n"
+    one = process(tmp_path, code + "ctypes.CDLL(None).syscall(60 if platform.machine() == 'x86_64' else 93, 7)")
+    wait_for(lambda: one.leaving() is not None)
+    return one
+
+
+def test_a_process_is_leaving_as_soon_as_its_main_thread_is_gone(tmp_path):
+    one = half_gone(tmp_path)
+    assert one.ended() is None
+    assert one.why() == "brain ended with exit code 7"
+    one.end(0.0)
+    assert one.leaving() == one.ended() == -signal.SIGTERM
+
+
 class Run:
     """A supervisor in the middle of a run that nobody has to fly: what it heard, and when, is set by hand."""
 
@@ -121,6 +137,17 @@ def test_if_nobody_is_heard_it_is_the_hub(tmp_path):
     run = Run(tmp_path, brain=1.2, mocap=1.4)
     run.topic("belief", 1.1)
     assert run.trouble().startswith("hub does not answer: nothing has come from anybody for 1.2")
+
+
+def test_who_is_silent_because_he_is_leaving_is_told_as_gone(tmp_path):
+    run = Run(tmp_path, brain=1.2, mocap=0.3)
+    run.topic("belief", 1.1)
+    run.supervisor._processes["brain"] = one = process(tmp_path, "import time; time.sleep(60)")
+    assert run.trouble().startswith("brain does not answer")
+    one.end(0.0)
+    run.supervisor._processes["brain"] = one = half_gone(tmp_path)
+    assert run.trouble() == "brain ended with exit code 7"
+    one.end(0.0)
 
 
 @pytest.mark.parametrize(
