@@ -10,6 +10,7 @@ against normal) that an MLP of this size approximates poorly near contact. They 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
@@ -55,6 +56,15 @@ class NetworkConfig:
     channels: tuple[int, int, int] = (24, 32, 48)
     width: int = 128
     log_std: float = -1.2
+
+    def __post_init__(self) -> None:
+        if len(self.channels) != 3 or min(*self.channels, self.width) < 1:
+            raise ValueError(
+                f"channels are {self.channels}, width is {self.width}; give three sizes, then one, all positive"
+            )
+        for name in ("lean", "lean_unsure", "soft"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}; give a finite number that is not negative")
 
     def data(self) -> dict:
         """As plain data, for a checkpoint."""

@@ -75,6 +75,10 @@ def test_the_learned_baseline_narrows_its_goal_to_the_paper_s_and_is_paid_for_no
         ("[env]", "[env", "not valid TOML"),
         ("impact = 100.0", "impcat = 100.0", "did you mean 'impact'"),
         ("count = 32", "count = 0", "at least 1"),
+        ("[env]", "network = { soft = -0.5 }\n[env]", "network: soft is -0.5"),
+        ("[env]", "network = { lean = inf }\n[env]", "network: lean is inf"),
+        ("[env]", "network = { channels = [24, 32] }\n[env]", "three sizes"),
+        ("[env]", "network = { width = 0 }\n[env]", "width is 0"),
     ],
 )
 def test_bad_recipes_say_what_is_wrong(tiny, old, new, words):
