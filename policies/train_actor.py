@@ -28,7 +28,7 @@ def load_actor(path: Path) -> tuple[Actor, dict]:
     try:
         actor = Actor(NetworkConfig.of(data["network"]))
         actor.load_state_dict(data["actor"])
-    except (TypeError, RuntimeError) as error:
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())[:120]
         raise TrainingError(f"{path} holds a network that this version does not know ({reason})") from None
     return actor, data["provenance"]
