@@ -15,10 +15,10 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
-from hil import provenance
-from hil.campaign import Plan
-from hil.flight import fly
+from hil.cli.flights import Plan
 from hil.host import lockstep
+from hil.host.flight import fly
+from hil.recording import provenance
 
 SEEDS = (0, 1, 2)
 

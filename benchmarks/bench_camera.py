@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from vehicle.apriltag import BoardDetector, BoardPose
-from vehicle.board import Board, rotation_from_car
-from vehicle.camera import Camera, board_visibility, camera_frame
-from vehicle.render import Renderer
-from vehicle.render_pose import motion_row
-from vehicle.rotations import from_matrix, to_matrix
+from groundcar.board.layout import Board, rotation_from_car
+from kernel.rotations import from_matrix, to_matrix
+from vehicle.apriltag.detector import BoardDetector, BoardPose
+from vehicle.camera.pinhole import Camera, board_visibility, camera_frame
+from vehicle.render.pose import motion_row
+from vehicle.render.renderer import Renderer
 
 EXPOSURE_NS = 2_000_000
 CAMERA, BOARD = Camera(), Board()

@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 
-from kernel import njit
-from vehicle.airframe import GRAVITY, load_airframe
-from vehicle.dynamics import vehicle_row
-from vehicle.fleet import NEWER, ORDER_DIM, fly_rows
-from vehicle.rate_control import fly
+from kernel.jit import njit
+from vehicle.quadrotor.airframe import GRAVITY, load_airframe
+from vehicle.quadrotor.batch import NEWER, ORDER_DIM, fly_rows
+from vehicle.quadrotor.dynamics import vehicle_row
+from vehicle.quadrotor.rate_control import fly
 
 
 @njit

@@ -23,11 +23,11 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from policies.env import Env
-from policies.env_config import TICK, EnvConfig
-from vehicle.airframe import load_airframe
-from vehicle.dynamics import vehicle_row
-from vehicle.fleet import NEWER, ORDER_DIM, fly_rows
+from policies.environment.config import TICK, EnvConfig
+from policies.environment.env import Env
+from vehicle.quadrotor.airframe import load_airframe
+from vehicle.quadrotor.batch import NEWER, ORDER_DIM, fly_rows
+from vehicle.quadrotor.dynamics import vehicle_row
 
 Rate = tuple[float, float]  # control steps a second, and a CPU second: what a busy machine leaves comparable
 PEER = {"vehicle": (276_345.0, float("nan")), "gym": (102_000.0, float("nan"))}  # at N = 4096, elsewhere

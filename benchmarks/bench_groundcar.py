@@ -11,15 +11,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from groundcar import motion as m
-from groundcar import speed_laws as s
-from groundcar import trajectories as t
-from groundcar.follower import Follower
-from groundcar.scout_link import Command, ScoutLink
-from groundcar.scout_sim import ScoutSim
-from groundcar.splines import random_spline
-from hil.wire import memory_pair
-from kernel import njit
+from groundcar.motion import paths as t
+from groundcar.motion import platform as m
+from groundcar.motion import speed_laws as s
+from groundcar.motion.splines import random_spline
+from groundcar.scout.driver import Command, ScoutLink
+from groundcar.scout.follower import Follower
+from groundcar.scout.sim import ScoutSim
+from hil.contract.wire import memory_pair
+from kernel.jit import njit
 from kernel.random import stream
 
 MS = 1_000_000

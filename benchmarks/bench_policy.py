@@ -21,11 +21,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from policies.board_filter import BoardFilter
-from policies.env_config import EnvConfig
-from policies.env_flight import EnvFlight
-from policies.fly import FlyingPolicy, policy_factory
-from vehicle.airframe import load_airframe
+from policies.environment.config import EnvConfig
+from policies.environment.flight import EnvFlight
+from policies.estimation.board_filter import BoardFilter
+from policies.flying.onnx_policy import FlyingPolicy, policy_factory
+from vehicle.quadrotor.airframe import load_airframe
 
 CHECKPOINTS = Path(__file__).parents[1] / "policies" / "checkpoints"
 

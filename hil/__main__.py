@@ -1,5 +1,5 @@
 """`python -m hil` is `perch-hil`; torchrun needs it: `torchrun --nproc-per-node=2 -m hil train ...`."""
 
-from hil.cli import main
+from hil.cli.main import main
 
 main()

@@ -6,7 +6,7 @@ parallel rollout depend on scheduling.
 
 import numpy as np
 
-from kernel import njit
+from kernel.jit import njit
 
 
 def stream(*key: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Strict
 
-from scenarios.toml_errors import ConfigError, load_toml, nearest
+from kernel.toml_errors import ConfigError, load_toml, nearest
 
 FILE = Path(__file__).with_name("paper.toml")
 

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
-from scenarios.toml_errors import ConfigError, load_toml, nearest, read_toml
+from kernel.toml_errors import ConfigError, load_toml, nearest, read_toml
 
 FOLDER = Path(__file__).parent
 

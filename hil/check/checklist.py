@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from hil.assembly.rig import Rig
 from hil.check.judge import Limits
 from hil.check.registry import Check, argument_fault, checks
-from hil.rig import Rig
-from scenarios.toml_errors import ConfigError, nearest, place, read_toml, validate
+from kernel.toml_errors import ConfigError, nearest, place, read_toml, validate
 
 FOLDER = Path(__file__).parent / "lists"
 When = Literal["any", "simulated", "real"]

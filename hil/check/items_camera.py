@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from statistics import fmean, median
 
-from hil.check.bench_camera import Seen
-from hil.check.context import Context
+from hil.bench.camera import Seen
+from hil.bench.devices import Context
 from hil.check.judge import Reading
 from hil.check.registry import Unavailable, check
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.check.context import Context
+from hil.bench.devices import Context
 from hil.check.judge import Reading
 from hil.check.registry import check
 

@@ -7,14 +7,14 @@ import tempfile
 import time
 from pathlib import Path
 
-from hil.check.bench_bus import measure_bus
-from hil.check.context import Context
+from hil.bench.bus import measure_bus
+from hil.bench.devices import Context
 from hil.check.judge import Reading
 from hil.check.registry import check
-from hil.messages import VehicleState
-from hil.provenance import ProvenanceError, code
-from hil.reader import ReadError, Recording
-from hil.record import PREFIX, Recorder, RecordingError
+from hil.contract.messages import VehicleState
+from hil.recording.provenance import ProvenanceError, code
+from hil.recording.reader import ReadError, Recording
+from hil.recording.recorder import PREFIX, Recorder, RecordingError
 
 _TOPIC = "mocap/vehicle"
 _MESSAGES = 5000

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from hil.check.context import Context
+from hil.bench.devices import Context
 from hil.check.judge import Reading
 from hil.check.registry import NotApplicable, check
-from hil.provenance import ProvenanceError, file_sha256
-from policies.contract import CameraContract, ContractError, check_contract, open_policy
-from policies.shipped import policy_file
+from hil.recording.provenance import ProvenanceError, file_sha256
+from policies.flying.contract import CameraContract, ContractError, check_contract, open_policy
+from policies.flying.shipped import policy_file
 
 _BUILT_IN = "the policy is built in: it has no file"
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from hil.check.context import Context
+from hil.bench.devices import Context
 from hil.check.judge import Reading
 from hil.check.registry import Unavailable, check
-from hil.reader import ReadError, Recording
-from hil.runs import Run, RunError, list_runs, open_run
+from hil.recording.reader import ReadError, Recording
+from hil.recording.runs import Run, RunError, list_runs, open_run
 
 
 @check("run.recording")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 
-from hil.autopilot_parameters import changes, last_flight
-from hil.check.context import Context
+from hil.bench.devices import Context
 from hil.check.judge import Reading
 from hil.check.registry import NotApplicable, Unavailable, check
-from hil.gate import Gate
-from hil.messages import Action, VehicleState
-from vehicle import px4_protocol as px4
+from hil.contract.messages import Action, VehicleState
+from hil.recording.autopilot_parameters import changes, last_flight
+from hil.safety.gate import Gate
+from vehicle.px4 import protocol as px4
 
 _NO_READING = 65535
 _GRAVITY = 9.80665

@@ -61,7 +61,7 @@ def checks() -> dict[str, Check]:
 
 def argument_fault(check: Check, given: dict[str, Any]) -> str:
     """What is wrong with a checklist's `args` for a check; empty if nothing is."""
-    from scenarios.toml_errors import nearest
+    from kernel.toml_errors import nearest
 
     allowed = ", ".join(check.arguments) or "none"
     for name, value in given.items():

@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from hil.bench.devices import Context
 from hil.check import records
 from hil.check.checklist import Checklist, Item
-from hil.check.context import Context
 from hil.check.judge import Judgement, Outcome, Reading, Value, judge
 from hil.check.records import Entry, Record, iso, passed
 from hil.check.registry import NotApplicable, Unavailable, checks

@@ -10,7 +10,7 @@ import heapq
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hil.node import Inbox, Node, Out, routes
+from hil.contract.node import Inbox, Node, Out, routes
 
 Tap = Callable[[int, str, Any], None]
 

@@ -14,17 +14,17 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from hil.assembly import Assembly, node_names
-from hil.node import Inbox, Node
-from hil.reader import Recording
-from hil.receipts import Receipt, read_receipts
-from hil.rig import Rig
-from hil.runs import Run, open_run
-from hil.simulation import MemoryWires
-from policies.fly import policy_factory
+from hil.assembly.builder import Assembly, node_names
+from hil.assembly.rig import Rig
+from hil.assembly.simulation import MemoryWires
+from hil.contract.node import Inbox, Node
+from hil.recording.reader import Recording
+from hil.recording.receipts import Receipt, read_receipts
+from hil.recording.runs import Run, open_run
+from policies.flying.onnx_policy import policy_factory
 from scenarios.draw import draw
 from scenarios.spec import Scenario
-from vehicle.airframe import load_airframe
+from vehicle.quadrotor.airframe import load_airframe
 
 PURE = ("mocap", "director", "referee", "car_follower", "camera", "detector", "belief", "policy")
 MEASURED = ("board/detection.processing_ns",)  # differs by nature in a live run

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hil.messages import Belief
-from hil.node import Inbox, Out
-from policies.board_filter import BoardFilter
+from hil.contract.messages import Belief
+from hil.contract.node import Inbox, Out
+from policies.estimation.board_filter import BoardFilter
 
 
 class BeliefNode:

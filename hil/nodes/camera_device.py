@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hil.messages import Event, Image, Stage
-from hil.node import Inbox, Out
+from hil.contract.messages import Event, Image, Stage
+from hil.contract.node import Inbox, Out
 from hil.wires import WireError
 from hil.wires.camera import CameraWire
 

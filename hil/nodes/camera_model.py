@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.messages import BoardState, Detection, Stage, VehicleState
-from hil.node import Inbox, Out
+from hil.contract.messages import BoardState, Detection, Stage, VehicleState
+from hil.contract.node import Inbox, Out
 from hil.nodes.camera_sim import motion_of
-from vehicle.camera import board_visibility
-from vehicle.observation_noise import OBS_DIM, observe_board
-from vehicle.rotations import to_matrix
+from kernel.rotations import to_matrix
+from vehicle.camera.noise import OBS_DIM, observe_board
+from vehicle.camera.pinhole import board_visibility
 
 
 class CameraModel:
@@ -30,8 +30,8 @@ class CameraModel:
         delay_ns: int,
         processing_ns: int,
     ) -> None:
-        """`camera_row`, `noise`, `bias`: rows of vehicle.camera and vehicle.observation_noise; `rng` a kernel stream;
-        `delay_ns` from mid-exposure to the detector's start."""
+        """`camera_row`, `noise`, `bias`: rows of vehicle.camera.pinhole and vehicle.camera.noise; `rng` a kernel
+        stream; `delay_ns` from mid-exposure to the detector's start."""
         self.period_ns = round(1e9 / rate_hz)
         self._cam, self._noise, self._bias, self._rng = camera_row, noise, bias, rng
         self._delay_ns, self._processing_ns = delay_ns, processing_ns

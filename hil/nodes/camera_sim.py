@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.messages import BoardState, Image, Stage, VehicleState
-from hil.node import Inbox, Out
-from vehicle.render import Renderer
-from vehicle.render_pose import motion_row
-from vehicle.rotations import rotate_back
+from hil.contract.messages import BoardState, Image, Stage, VehicleState
+from hil.contract.node import Inbox, Out
+from kernel.rotations import rotate_back
+from vehicle.render.pose import motion_row
+from vehicle.render.renderer import Renderer
 
 
 def motion_of(state: VehicleState | BoardState, at_ns: int) -> np.ndarray:

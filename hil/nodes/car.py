@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from groundcar.board_pose import board_position, board_quaternion, board_velocity
-from groundcar.dead_reckoning import DeadReckoning
-from groundcar.follower import Follower
-from groundcar.motion import HEADING, SPEED, TURN_RATE
-from groundcar.scout_link import ScoutLink, WrongProtocolError
-from groundcar.scout_sim import ScoutSim
-from hil.gate import CarGate, CarGateLimits
-from hil.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage
-from hil.node import Inbox, Out
+from groundcar.motion.platform import HEADING, SPEED, TURN_RATE
+from groundcar.motion.pose import board_position, board_quaternion, board_velocity
+from groundcar.scout.dead_reckoning import DeadReckoning
+from groundcar.scout.driver import ScoutLink, WrongProtocolError
+from groundcar.scout.follower import Follower
+from groundcar.scout.sim import ScoutSim
+from hil.contract.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage
+from hil.contract.node import Inbox, Out
+from hil.safety.gate import CarGate, CarGateLimits
 
 CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
 _BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board

@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hil.messages import Belief, Detection, Image, VehicleState
-from hil.node import Inbox, Out
-from vehicle.apriltag import BoardDetector, BoardPose, modelled_processing_ns, world_board_pose
-from vehicle.camera import camera_frame
-from vehicle.observation_noise import ODOMETRY_SIGMA, POINTING_SIGMA
-from vehicle.pose_history import PoseAt, PoseHistory
-from vehicle.rotations import from_euler, to_matrix
+from hil.contract.messages import Belief, Detection, Image, VehicleState
+from hil.contract.node import Inbox, Out
+from kernel.rotations import from_euler, to_matrix
+from vehicle.apriltag.detector import BoardDetector, BoardPose, modelled_processing_ns, world_board_pose
+from vehicle.camera.noise import ODOMETRY_SIGMA, POINTING_SIGMA
+from vehicle.camera.pinhole import camera_frame
+from vehicle.quadrotor.pose_history import PoseAt, PoseHistory
 
 
 class Detector:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hil.messages import Contact, Event, Stage, VehicleStatus
-from hil.node import Inbox, Out
+from hil.contract.messages import Contact, Event, Stage, VehicleStatus
+from hil.contract.node import Inbox, Out
 
 _REPEAT_NS = 50_000_000  # a change is told at once, and every stage again and again: a reader may have missed it
 _LOST = ("failed", "interrupted", "killed")  # phases of the driver from which no attempt can begin

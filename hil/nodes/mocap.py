@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from hil.messages import BoardState, Quat, Vec3, VehicleState
-from hil.node import Inbox, Out
-from vehicle.mocap import Mocap
+from hil.contract.messages import BoardState, Quat, Vec3, VehicleState
+from hil.contract.node import Inbox, Out
+from vehicle.mocap.system import Mocap
 
 
 class MocapNode:

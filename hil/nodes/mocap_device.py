@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from hil.messages import Event, VehicleState
-from hil.node import Inbox, Out
+from hil.contract.messages import Event, VehicleState
+from hil.contract.node import Inbox, Out
 from hil.nodes.mocap import board_state
 from hil.wires import WireError
 from hil.wires.mocap_vrpn import BodyPose
-from vehicle.mocap_motion import BodyMotion
-from vehicle.rotations import rotate
+from kernel.rotations import rotate
+from vehicle.mocap.motion import BodyMotion
 
 _POLL_NS = 5_000_000
 _HIDDEN_NS = 200_000_000

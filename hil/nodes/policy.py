@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hil.messages import Action, Belief, Stage, VehicleState
-from hil.node import Inbox, Out
-from policies.fly import FlyingPolicy
+from hil.contract.messages import Action, Belief, Stage, VehicleState
+from hil.contract.node import Inbox, Out
+from policies.flying.onnx_policy import FlyingPolicy
 
 
 class PolicyNode:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.messages import BoardState, Contact, Event, Stage, VehicleState
-from hil.node import Inbox, Out
-from policies import contact as rule
+from hil.contract.messages import BoardState, Contact, Event, Stage, VehicleState
+from hil.contract.node import Inbox, Out
+from policies.task import contact as rule
 
 
 class Referee:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from hil.gate import Gate
-from hil.messages import Action, BoardState, Contact, Event, Sent, VehicleParameters, VehicleState, VehicleStatus
-from hil.node import Inbox, Out
-from vehicle.px4_link import Px4Link
-from vehicle.px4_link_core import BEFORE_FLIGHT
-from vehicle.px4_link_types import ExternalPose, LinkOutput, Rates
-from vehicle.px4_sim import Px4Sim
-from vehicle.wind import Wind
+from hil.contract.messages import (
+    Action,
+    BoardState,
+    Contact,
+    Event,
+    Sent,
+    VehicleParameters,
+    VehicleState,
+    VehicleStatus,
+)
+from hil.contract.node import Inbox, Out
+from hil.safety.gate import Gate
+from vehicle.px4.driver.core import BEFORE_FLIGHT
+from vehicle.px4.driver.driver import Px4Link
+from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor.wind import Wind
 
 STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")

@@ -9,19 +9,19 @@ from typing import Any
 
 from markupsafe import Markup
 
-from hil.binomial import interval
-from hil.report.campaign_lines import Group, Line, gather
+from hil.campaign.lines import Group, Line, gather
+from hil.recording.manifest import nested
+from hil.recording.runs import Run
 from hil.report.comparison_table import comparison_table
-from hil.report.manifest import nested
+from hil.report.drawing.section import table
+from hil.report.drawing.svg import Plane
 from hil.report.page import asset, template
-from hil.report.section import table
 from hil.report.sections.paper_row import number, yes
-from hil.report.svg import Plane
 from hil.report.verdict import WHY
-from hil.runs import Run
+from hil.scoring.binomial import interval
+from kernel.toml_errors import ConfigError
 from scenarios.paper import RealRow, SimulatedRow, published
 from scenarios.spec import Tolerance
-from scenarios.toml_errors import ConfigError
 
 CONFIDENCE = 0.95
 _MEDIANS = (  # metric, digits

@@ -7,9 +7,9 @@ from typing import Any
 
 from markupsafe import Markup
 
-from hil.comparison import pair, words
-from hil.report.campaign_lines import Line
-from hil.report.section import table
+from hil.campaign.lines import Line
+from hil.report.drawing.section import table
+from hil.scoring.comparison import pair, words
 
 Conditions = tuple[str, str, Any]  # scenario, camera, seed
 

@@ -11,10 +11,10 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from hil.report.charts import Pack, TimePlot
-from hil.report.manifest import nested
-from hil.report.recorded import Recorded
-from hil.report.section import Section
+from hil.recording.manifest import nested
+from hil.report.drawing.charts import Pack, TimePlot
+from hil.report.drawing.section import Section
+from hil.report.recorded.flight import Recorded
 from hil.report.sections import build_all
 from hil.report.sections.events import marks, phases
 from hil.report.verdict import verdict

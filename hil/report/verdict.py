@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hil.report.recorded import Recorded
+from hil.report.recorded.flight import Recorded
 from hil.report.sections.paper_row import number
 
 WHY = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil.recording.runs import MANIFEST, RECORDING, Run, RunError, list_runs, open_run
 from hil.report import campaign, page
-from hil.report.recorded import load
-from hil.runs import MANIFEST, RECORDING, Run, RunError, list_runs, open_run
+from hil.report.recorded.flight import load
 
 
 def write_report(runs: Sequence[Path], compare: Path | None = None, out: Path | None = None) -> Path:

@@ -1,4 +1,4 @@
-"""Wires that leave the process: UDP, serial, CAN. They obey the protocols of `hil/wire.py` and never block."""
+"""Wires that leave the process: UDP, serial, CAN. They obey the protocols of `hil/contract/wire.py` and never block."""
 
 
 class WireError(RuntimeError):

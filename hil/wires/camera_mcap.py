@@ -11,8 +11,8 @@ import numpy as np
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
 
-from hil.reader import ReadError, Recording
-from hil.record import PREFIX
+from hil.recording.reader import ReadError, Recording
+from hil.recording.recorder import PREFIX
 from hil.wires import WireError
 from hil.wires.camera import Mode, Picture
 

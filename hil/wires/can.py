@@ -8,7 +8,7 @@ from typing import Any
 
 import can
 
-from hil.wire import CanFrame
+from hil.contract.wire import CanFrame
 from hil.wires import WireError
 
 _AT_ONCE = 1024  # frames taken in one `receive`: a babbling bus may not hold up a control loop

@@ -5,7 +5,7 @@ A datagram is one frame: identifier (2 bytes, big-endian), then its data. No bus
 
 from __future__ import annotations
 
-from hil.wire import CanFrame
+from hil.contract.wire import CanFrame
 from hil.wires.udp import UdpWire
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from policies.baselines import fast_perching_cost as fp
 from policies.baselines.min_snap import PIECES, basis, min_snap
-from policies.observation import THRUST_MAX, THRUST_MIN
-from vehicle.airframe import GRAVITY
+from policies.task.observation import THRUST_MAX, THRUST_MIN
+from vehicle.quadrotor.airframe import GRAVITY
 
 _MEMORY, _PAST, _DELTA = 32, 3, 1e-4
 _MOST_ITERATIONS = 300

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from kernel import njit
+from kernel.jit import njit
 from policies.baselines.min_snap import BOUNDARY, END, PIECES, SAMPLES, WAYPOINTS
 
 _POINTS = PIECES - 1

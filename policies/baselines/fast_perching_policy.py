@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernel import njit
-from policies import planner_params as pp
+from kernel.jit import njit
+from kernel.rotations import body_z
 from policies.baselines.fast_perching import FastPerchingParams, PerchPlan, load_search, plan_perch
-from policies.env import Env
-from policies.env_config import TICK
-from policies.env_rows import S_STEP, X_P, X_Q, X_V
-from policies.observation import action_from_command
-from policies.planner_follow import face
-from policies.planner_policy import planner_params
-from policies.thrust_and_drag import G_GAIN
-from policies.tracking import track_force
-from vehicle.rotations import body_z
+from policies.environment.config import TICK
+from policies.environment.env import Env
+from policies.environment.rows import S_STEP, X_P, X_Q, X_V
+from policies.estimation.thrust_drag import G_GAIN
+from policies.planner import params as pp
+from policies.planner.follow import face
+from policies.planner.policy import planner_params
+from policies.planner.tracking import track_force
+from policies.task.observation import action_from_command
 
 _REPLAN, _LAST = 0.1, 0.5  # s: between plans; before contact the plan stays
 _OFF = 0.3  # m beside the plan: the next one starts from where the vehicle is

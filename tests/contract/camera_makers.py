@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.foxglove_view import FoxgloveView
-from hil.messages import Image
-from hil.record import Recorder
-from hil.rig import CameraSlot
+from hil.assembly.cameras import open_camera
+from hil.assembly.rig import CameraSlot
+from hil.contract.messages import Image
+from hil.recording.foxglove import FoxgloveView
+from hil.recording.recorder import Recorder
 from hil.wires import camera_gstreamer as gst
 from hil.wires.camera import Mode, NewestPicture
-from hil.wires.camera_kinds import open_camera
 from hil.wires.camera_mcap import RecordedCamera
 from hil.wires.camera_opencv import OpenCvCapture
 

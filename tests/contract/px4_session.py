@@ -2,15 +2,15 @@
 
 import json
 import math
-from pathlib import Path
 
-from hil.wire import memory_pair
-from vehicle.airframe import load_airframe
-from vehicle.px4_codec import Packer, Parser
-from vehicle.px4_estimator import GPS_NOISE
-from vehicle.px4_sim import Px4Sim
+from hil.contract.wire import memory_pair
+from tests.paths import PX4_DATA
+from vehicle.px4.codec import Packer, Parser
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.px4.sim.estimator import GPS_NOISE
+from vehicle.quadrotor.airframe import load_airframe
 
-FACTS = json.loads((Path(__file__).parents[1] / "data" / "px4" / "session_facts.json").read_text())
+FACTS = json.loads((PX4_DATA / "session_facts.json").read_text())
 TICK_NS = 4_000_000
 NAN = math.nan
 # Body rate pulses of the recorded flight: from, to (ms), axis, rad/s; level in between.

@@ -2,8 +2,8 @@
 
 import hashlib
 
-from vehicle import px4_protocol as px4
-from vehicle.px4_codec import Parser
+from vehicle.px4 import protocol as px4
+from vehicle.px4.codec import Parser
 
 mavlink = px4.mavlink
 LINK = 7

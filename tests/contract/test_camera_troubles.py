@@ -5,16 +5,16 @@ import time
 import cv2
 import numpy as np
 import pytest
-from camera_makers import MODE, MS, install_fake_gst, mcap_raw, number, picture, record, take
 
-from hil.foxglove_view import FoxgloveView
-from hil.messages import Image
-from hil.record import Recorder
+from hil.contract.messages import Image
+from hil.recording.foxglove import FoxgloveView
+from hil.recording.recorder import Recorder
 from hil.wires import WireError
 from hil.wires import camera_gstreamer as gst
 from hil.wires.camera import Mode, NewestPicture, undistortion, wait_for_picture
 from hil.wires.camera_mcap import RecordedCamera
 from hil.wires.camera_opencv import ask, open_v4l2
+from tests.contract.camera_makers import MODE, MS, install_fake_gst, mcap_raw, number, picture, record, take
 
 
 @pytest.fixture

@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 import pytest
-from camera_makers import (
+
+from tests.contract.camera_makers import (
     MS,
     install_fake_gst,
     mcap_jpeg,

@@ -8,9 +8,9 @@ import time
 import pytest
 
 from hil.wires.udp import UdpWire
-from vehicle.airframe import load_airframe
-from vehicle.px4_gcs import NoAutopilotError, inspect
-from vehicle.px4_sim import Px4Sim
+from vehicle.px4.ground_station import NoAutopilotError, inspect
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor.airframe import load_airframe
 
 mavsdk = pytest.importorskip("mavsdk", reason="the package mavsdk is not installed")
 actions = pytest.importorskip("mavsdk.plugins.action")

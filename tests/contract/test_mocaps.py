@@ -5,13 +5,13 @@ import sys
 import time
 
 import pytest
-from vrpn_server import VrpnServer
 
-from hil.messages import Stage
-from hil.node import Inbox
+from hil.contract.messages import Stage
+from hil.contract.node import Inbox
 from hil.nodes.mocap_device import MocapDevice
 from hil.wires import WireError
 from hil.wires.mocap_vrpn import BodyPose, VrpnMocap
+from tests.contract.vrpn_server import VrpnServer
 
 MS = 1_000_000
 INCLINED = (0.0, -math.sin(0.4), 0.0, math.cos(0.4))  # x, y, z, w: a board at 46 deg that faces back along x

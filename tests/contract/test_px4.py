@@ -8,14 +8,14 @@ import tty
 
 import pytest
 
-from hil.wire import memory_pair
+from hil.contract.wire import memory_pair
 from hil.wires.serial import SerialWire
 from hil.wires.tcp import TcpWire
 from hil.wires.udp import UdpWire
-from vehicle.airframe import load_airframe
-from vehicle.px4_link import Px4Link
-from vehicle.px4_link_types import LinkConfig, Rates
-from vehicle.px4_sim import Px4Sim
+from vehicle.px4.driver.driver import Px4Link
+from vehicle.px4.driver.types import LinkConfig, Rates
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor.airframe import load_airframe
 
 MS = 1_000_000
 START = (1.0, 0.5, 2.5, 0.0)

@@ -4,21 +4,21 @@ import json
 from datetime import UTC, datetime
 
 import pytest
-from signed_wire import SignedWire
 
-from hil.assembly import Assembly
-from hil.host.live_spec import simulated_twin
-from hil.node import Inbox
-from hil.provenance import code
-from hil.rig import Rig, VehicleSlot
-from hil.runs import new_run, policy_identity
-from hil.wire import memory_pair
+from hil.assembly.builder import Assembly
+from hil.assembly.rig import Rig, VehicleSlot
+from hil.contract.node import Inbox
+from hil.contract.wire import memory_pair
+from hil.live.spec import simulated_twin
+from hil.recording.provenance import code
+from hil.recording.runs import new_run, policy_identity
 from scenarios.draw import draw
 from scenarios.spec import load
-from vehicle.airframe import load_airframe
-from vehicle.px4_link import Px4Link
-from vehicle.px4_link_types import LinkConfig, Rates, Signing
-from vehicle.px4_sim import Px4Sim
+from tests.contract.signed_wire import SignedWire
+from vehicle.px4.driver.driver import Px4Link
+from vehicle.px4.driver.types import LinkConfig, Rates, Signing
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor.airframe import load_airframe
 
 MS = 1_000_000
 KEY = bytes(range(32))

@@ -6,11 +6,11 @@ Tolerances are what two flights of the real one may differ by: noise moves the v
 import re
 
 import pytest
-from px4_session import FACTS, NAN, Session, fly
 
-from vehicle import px4_protocol as px4
-from vehicle.px4_codec import Parser
-from vehicle.px4_params import Parameters
+from tests.contract.px4_session import FACTS, NAN, Session, fly
+from vehicle.px4 import protocol as px4
+from vehicle.px4.codec import Parser
+from vehicle.px4.sim.params import Parameters
 
 API = FACTS["api"]
 # What PX4 says on its own account and this one does not (or not as often): health reports as EVENTs, log names.

@@ -7,15 +7,15 @@ import can
 import numpy as np
 import pytest
 
-from groundcar import motion as m
-from groundcar import speed_laws as s
-from groundcar import trajectories as t
-from groundcar.follower import Follower
-from groundcar.scout_link import Command, ScoutLink, WrongProtocolError
-from groundcar.scout_params import load_scout
-from groundcar.scout_sim import ScoutSim
-from groundcar.splines import random_spline
-from hil.wire import memory_pair
+from groundcar.motion import paths as t
+from groundcar.motion import platform as m
+from groundcar.motion import speed_laws as s
+from groundcar.motion.splines import random_spline
+from groundcar.scout.driver import Command, ScoutLink, WrongProtocolError
+from groundcar.scout.follower import Follower
+from groundcar.scout.params import load_scout
+from groundcar.scout.sim import ScoutSim
+from hil.contract.wire import memory_pair
 from kernel.random import stream
 
 MS = 1_000_000

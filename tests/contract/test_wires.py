@@ -5,9 +5,9 @@ import time
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wire_makers import BYTE_KINDS, collect, collect_bytes, nothing_comes, opened
 
 from hil.wires import WireError
+from tests.contract.wire_makers import BYTE_KINDS, collect, collect_bytes, nothing_comes, opened
 
 
 @pytest.fixture(params=BYTE_KINDS)

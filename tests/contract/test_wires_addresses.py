@@ -3,14 +3,14 @@
 import socket
 
 import pytest
-from wire_makers import LOCAL, collect, udp_pair
 
-from hil.wire import CanFrame
+from hil.contract.wire import CanFrame
 from hil.wires import WireError
 from hil.wires.can_udp import CanOverUdp
 from hil.wires.tcp import TcpWire
 from hil.wires.udp import UdpWire
 from hil.wires.url import check_url, open_url
+from tests.contract.wire_makers import LOCAL, collect, udp_pair
 
 
 def test_tcp_troubles_are_told_not_raised():

@@ -6,11 +6,11 @@ import can
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wire_makers import CAN_KINDS, can_virtual, collect, nothing_comes, opened
 
-from hil.wire import CanFrame
+from hil.contract.wire import CanFrame
 from hil.wires import WireError
 from hil.wires.can import PythonCanWire, open_can
+from tests.contract.wire_makers import CAN_KINDS, can_virtual, collect, nothing_comes, opened
 
 
 @pytest.fixture(params=CAN_KINDS)

@@ -4,10 +4,10 @@ import termios
 import time
 
 import pytest
-from wire_makers import collect, collect_bytes, opened, serial_pair
 
 from hil.wires import WireError
 from hil.wires.serial import BACKLOG, SerialWire
+from tests.contract.wire_makers import collect, collect_bytes, opened, serial_pair
 
 
 def test_a_serial_port_is_raw():

@@ -4,10 +4,10 @@ import contextlib
 import socket
 
 import pytest
-from wire_makers import LOCAL, collect, nothing_comes
 
 from hil.wires import WireError
 from hil.wires.udp import UdpWire
+from tests.contract.wire_makers import LOCAL, collect, nothing_comes
 
 
 def at(port_wire):

@@ -10,7 +10,7 @@ import uuid
 
 import pytest
 
-from hil.wire import memory_pair
+from hil.contract.wire import memory_pair
 from hil.wires import WireError
 from hil.wires.can import open_can
 from hil.wires.can_udp import CanOverUdp

@@ -13,20 +13,20 @@ import threading
 import time
 from pathlib import Path
 
-from groundcar.board_pose import board_position, board_quaternion
-from groundcar.scout_sim import ScoutSim
-from hil.assembly import EXTERNAL_POSE_PARAMETERS
-from hil.platform_motion import hover_start, start_platform
+from groundcar.motion.pose import board_position, board_quaternion
+from groundcar.scout.sim import ScoutSim
+from hil.assembly.builder import EXTERNAL_POSE_PARAMETERS
+from hil.assembly.platform_motion import hover_start, start_platform
 from hil.wires.can import open_can
 from hil.wires.udp import UdpWire
 from scenarios.draw import draw
 from scenarios.spec import load
-from vehicle.airframe import load_airframe
-from vehicle.mocap import Mocap
-from vehicle.px4_sim import Px4Sim
+from vehicle.mocap.system import Mocap
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor.airframe import load_airframe
 
-sys.path.append(str(Path(__file__).parents[1] / "contract"))
-from vrpn_server import VrpnServer
+sys.path.append(str(Path(__file__).parents[2]))
+from tests.contract.vrpn_server import VrpnServer
 
 LOCAL = "127.0.0.1"
 STILL = (0.0, 0.0, 0.0)

@@ -13,10 +13,10 @@ import threading
 import time
 
 from hil.wires.udp import UdpWire
-from vehicle.airframe import load_airframe
-from vehicle.px4_estimator import GPS_NOISE
-from vehicle.px4_sim import Px4Sim
-from vehicle.rotations import body_z
+from kernel.rotations import body_z
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.px4.sim.estimator import GPS_NOISE
+from vehicle.quadrotor.airframe import load_airframe
 
 LOCAL = "127.0.0.1"
 TICK_S = 0.004

@@ -9,9 +9,9 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from hil.runs import list_runs
+from hil.recording.runs import list_runs
 
-PERCH_HIL = [sys.executable, "-c", "from hil.cli import main; main()"]
+PERCH_HIL = [sys.executable, "-c", "from hil.cli.main import main; main()"]
 ASKED = [
     "campaign",
     "simple-i",

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from hil import provenance
-from hil.flight import fly
-from hil.plan import Plan
-from hil.reader import Recording
-from hil.rig import load_rig
+from hil.assembly.plan import Plan
+from hil.assembly.rig import load_rig
+from hil.host.flight import fly
+from hil.recording import provenance
+from hil.recording.reader import Recording
 
 pytestmark = pytest.mark.slow
 

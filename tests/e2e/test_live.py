@@ -15,12 +15,12 @@ from pathlib import Path
 
 import pytest
 
-from hil import provenance
-from hil.host.live_run import fly_live
+from hil.assembly.plan import Plan
 from hil.host.replay import replay_run
-from hil.left_overs import mapped_memory
-from hil.plan import Plan
-from hil.reader import Recording
+from hil.live.orphaned import mapped_memory
+from hil.live.run import fly_live
+from hil.recording import provenance
+from hil.recording.reader import Recording
 
 pytestmark = pytest.mark.live
 

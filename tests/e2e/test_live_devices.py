@@ -7,27 +7,24 @@ import sys
 import textwrap
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
-from groundcar.motion import SPEED
-from groundcar.scout_sim import ScoutSim
-from hil import provenance
-from hil.bus import Bus, BusError, Mailbox
-from hil.host.live_run import fly_live
-from hil.plan import Plan
-from hil.platform_motion import hover_start, start_platform
-from hil.reader import Recording
-from hil.supervisor import SupervisorError
-from hil.view import free_port
+from groundcar.motion.platform import SPEED
+from groundcar.scout.sim import ScoutSim
+from hil.assembly.plan import Plan
+from hil.assembly.platform_motion import hover_start, start_platform
+from hil.bus.leaf import Bus, BusError, Mailbox
+from hil.live.run import fly_live
+from hil.live.supervisor import SupervisorError
+from hil.recording import provenance
+from hil.recording.reader import Recording
+from hil.viewer.view import free_port
 from hil.wires import WireError
 from hil.wires.can import open_can
 from scenarios.draw import draw
 from scenarios.spec import load
-
-sys.path.append(str(Path(__file__).parents[1] / "contract"))
-from vrpn_server import VrpnServer
+from tests.contract.vrpn_server import VrpnServer
 
 GROUP = "239.74.163.3"
 pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(300)]

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from hil import provenance
-from hil.assembly import node_names
-from hil.host.live_run import fly_live
-from hil.plan import Plan
-from hil.reader import Recording
-from hil.rig import RIG_DIR, load_rig
+from hil.assembly.builder import node_names
+from hil.assembly.plan import Plan
+from hil.assembly.rig import RIG_DIR, load_rig
+from hil.live.run import fly_live
+from hil.recording import provenance
+from hil.recording.reader import Recording
 from hil.wires import WireError
 from hil.wires.can import open_can
 

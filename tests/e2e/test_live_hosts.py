@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from hil.host.replay import replay_run
-from hil.reader import Recording
+from hil.recording.reader import Recording
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(400)]
 
@@ -198,6 +198,6 @@ def served(tmp_path):
             words = path.read_bytes().split(b"\0")
         except OSError:
             continue
-        if b"hil.host.live_main" in words and any(word.startswith(str(tmp_path).encode()) for word in words):
+        if b"hil.live.main" in words and any(word.startswith(str(tmp_path).encode()) for word in words):
             found.append(words)
     return found

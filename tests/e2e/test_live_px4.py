@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from hil import provenance
-from hil.host.live_run import fly_live
-from hil.plan import Plan
-from hil.reader import Recording
-from hil.rig import RIG_DIR
+from hil.assembly.plan import Plan
+from hil.assembly.rig import RIG_DIR
+from hil.live.run import fly_live
+from hil.recording import provenance
+from hil.recording.reader import Recording
 
 pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(420)]
 PROGRAM = Path(__file__).parent / "px4_process.py"

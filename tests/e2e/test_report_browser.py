@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from hil.report import page
-from hil.report.recorded import load
+from hil.report.recorded.flight import load
 from hil.report.write import write_report
+from tests.paths import GOLDEN_RUN as GOLDEN
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
-GOLDEN = Path(__file__).parents[1] / "data" / "runs" / "simple-ii"
 FLAGS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",

@@ -12,19 +12,19 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from hil import provenance
-from hil.cli import app
-from hil.diff import diff_runs
-from hil.flight import fly
-from hil.gate import GateLimits
+from hil.assembly.plan import Plan
+from hil.cli.main import app
+from hil.host.flight import fly
 from hil.host.replay import replay_run
-from hil.plan import Plan
-from hil.reader import Recording
-from hil.runs import list_runs, open_run
+from hil.recording import provenance
+from hil.recording.diff import diff_runs
+from hil.recording.reader import Recording
+from hil.recording.runs import list_runs, open_run
+from hil.safety.gate import GateLimits
 from scenarios.spec import list_scenarios, load
 
 PATIENCE_S = 120  # a cold cache compiles kernels first
-PERCH_HIL = [sys.executable, "-c", "from hil.cli import main; main()"]
+PERCH_HIL = [sys.executable, "-c", "from hil.cli.main import main; main()"]
 
 
 @pytest.fixture(scope="module")

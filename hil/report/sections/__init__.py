@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hil.report.recorded import Recorded
-from hil.report.section import Section
+from hil.report.drawing.section import Section
+from hil.report.recorded.flight import Recorded
 from hil.report.sections import (
     attempt,
     car,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from hil.report.charts import BOARD, MUTED, SEEN, VEHICLE
-from hil.report.geometry import Motion, at, axes
-from hil.report.recorded import Recorded
-from hil.report.section import Section
+from hil.report.drawing.charts import BOARD, MUTED, SEEN, VEHICLE
+from hil.report.drawing.geometry import Motion, at, axes
+from hil.report.drawing.section import Section
+from hil.report.drawing.svg import Plane
+from hil.report.recorded.flight import Recorded
 from hil.report.sections.scene import scene
-from hil.report.svg import Plane
 
 _MARK_NS = 250_000_000
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hil.report.charts import ASKED, BELIEF, BOARD, VEHICLE, TimePlot
-from hil.report.recorded import Recorded
-from hil.report.section import Section
+from hil.report.drawing.charts import ASKED, BELIEF, BOARD, VEHICLE, TimePlot
+from hil.report.drawing.section import Section
+from hil.report.recorded.flight import Recorded
 
 _SOURCES = (
     ("reference", "car/reference", ASKED, "dash"),

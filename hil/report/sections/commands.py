@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from hil.report.charts import ASKED, BAD, BOARD, VEHICLE, TimePlot
-from hil.report.columns import Columns
-from hil.report.geometry import specific_thrust
-from hil.report.manifest import nested
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
+from hil.recording.manifest import nested
+from hil.report.drawing.charts import ASKED, BAD, BOARD, VEHICLE, TimePlot
+from hil.report.drawing.geometry import specific_thrust
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.columns import Columns
+from hil.report.recorded.flight import Recorded
 
 
 def build(recorded: Recorded) -> Section:

@@ -7,8 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.flight import Recorded
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from hil.report.charts import BELIEF, SEEN, VEHICLE, TimePlot
-from hil.report.columns import Columns
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
-from hil.report.svg import histogram
+from hil.report.drawing.charts import BELIEF, SEEN, VEHICLE, TimePlot
+from hil.report.drawing.section import Section, table
+from hil.report.drawing.svg import histogram
+from hil.report.recorded.columns import Columns
+from hil.report.recorded.flight import Recorded
 
 
 def build(recorded: Recorded) -> Section:

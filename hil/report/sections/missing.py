@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hil.record import PICTURES
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
-from hil.topics import TOPICS
+from hil.contract.topics import TOPICS
+from hil.recording.recorder import PICTURES
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.flight import Recorded
 
 
 def build(recorded: Recorded, told: Sequence[Section]) -> Section:

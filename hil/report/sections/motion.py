@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.report.charts import BOARD, VEHICLE, TimePlot
-from hil.report.geometry import Motion, nose_up_deg
-from hil.report.recorded import Recorded
-from hil.report.section import Section
+from hil.report.drawing.charts import BOARD, VEHICLE, TimePlot
+from hil.report.drawing.geometry import Motion, nose_up_deg
+from hil.report.drawing.section import Section
+from hil.report.recorded.flight import Recorded
 
 
 def build(recorded: Recorded) -> Section:

@@ -7,9 +7,9 @@ from typing import Any
 
 from markupsafe import Markup
 
-from hil.console import published_row
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
+from hil.cli.console import published_row
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.flight import Recorded
 from scenarios.paper import RealRow, paper
 
 # field of the score's metrics and of the published row, name, unit, digits

@@ -6,10 +6,10 @@ from collections import Counter
 
 import numpy as np
 
-from hil.report.charts import BAD, BELIEF, MUTED, SEEN, TimePlot
-from hil.report.columns import Columns
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
+from hil.report.drawing.charts import BAD, BELIEF, MUTED, SEEN, TimePlot
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.columns import Columns
+from hil.report.recorded.flight import Recorded
 
 _RATE_WINDOW_S = 0.5
 

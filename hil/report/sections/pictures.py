@@ -12,12 +12,12 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
 from markupsafe import Markup
 
-from hil.codec import codec
-from hil.messages import Detection, Image
-from hil.record import PICTURES, PREFIX
-from hil.report.manifest import nested
-from hil.report.recorded import Recorded
-from hil.report.section import Section
+from hil.contract.codec import codec
+from hil.contract.messages import Detection, Image
+from hil.recording.manifest import nested
+from hil.recording.recorder import PICTURES, PREFIX
+from hil.report.drawing.section import Section
+from hil.report.recorded.flight import Recorded
 
 _VIEW, _RAW = "/" + PICTURES, PREFIX + PICTURES
 _WIDTH, _QUALITY = 480, 72

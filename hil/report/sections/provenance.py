@@ -9,10 +9,10 @@ from typing import Any
 from markupsafe import Markup
 from pydantic import ValidationError
 
-from hil import autopilot_parameters as ap
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
-from hil.rig import Rig
+from hil.assembly.rig import Rig
+from hil.recording import autopilot_parameters as ap
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.flight import Recorded
 from scenarios.spec import list_scenarios
 from scenarios.spec import load as load_scenario
 

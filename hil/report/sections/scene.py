@@ -7,9 +7,9 @@ import json
 import numpy as np
 from markupsafe import Markup
 
-from hil.report.charts import BOARD, MUTED, VEHICLE
-from hil.report.geometry import Motion, axes
-from hil.report.recorded import Recorded
+from hil.report.drawing.charts import BOARD, MUTED, VEHICLE
+from hil.report.drawing.geometry import Motion, axes
+from hil.report.recorded.flight import Recorded
 
 _STEP_NS = 20_000_000  # between drawn points
 _ARROW_NS = 200_000_000  # between drawn attitudes

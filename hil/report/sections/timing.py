@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from hil.record import PICTURES
-from hil.report.recorded import Recorded
-from hil.report.section import Section, table
-from hil.topics import TOPICS
+from hil.contract.topics import TOPICS
+from hil.recording.recorder import PICTURES
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.flight import Recorded
 
 _LATE = 2.5  # periods without a message that count as a gap
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from hil.report.charts import BOARD, MUTED, VEHICLE, TimePlot
-from hil.report.geometry import Approach
-from hil.report.recorded import Recorded
-from hil.report.section import Section
-from hil.report.svg import Plane
+from hil.report.drawing.charts import BOARD, MUTED, VEHICLE, TimePlot
+from hil.report.drawing.geometry import Approach
+from hil.report.drawing.section import Section
+from hil.report.drawing.svg import Plane
+from hil.report.recorded.flight import Recorded
 
 _BEFORE_NS = 1_000_000_000
 _REACH = 0.45  # m shown on each side of the board's centre

@@ -4,15 +4,14 @@ import os
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import pytest
 
-from kernel import CACHE_DIR, cache_is_cold
+from kernel.jit import CACHE_DIR, cache_is_cold
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[3]
-CALLER = "from kernel import njit\nfrom vehicle.helper import gain\n\n@njit\ndef caller(x):\n    return gain(x)\n"
-HELPER = "from kernel import njit\n\n@njit\ndef gain(x):\n    return {} * x\n"
+CALLER = "from kernel.jit import njit\nfrom vehicle.helper import gain\n\n@njit\ndef caller(x):\n    return gain(x)\n"
+HELPER = "from kernel.jit import njit\n\n@njit\ndef gain(x):\n    return {} * x\n"
 
 
 @pytest.fixture

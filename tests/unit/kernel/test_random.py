@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from kernel import njit, prange
+from kernel.jit import njit, prange
 from kernel.random import next_uint64, normal, stream, uniform
 
 

@@ -1,7 +1,8 @@
 """A simulated rig to check."""
 
 import pytest
-from made_up import context as make_context
+
+from tests.unit.hil.check.made_up import context as make_context
 
 
 @pytest.fixture

@@ -1,8 +1,8 @@
 import pytest
 
+from hil.assembly.rig import load_rig
 from hil.check.checklist import Checklist, list_checklists, load_checklist
-from hil.rig import load_rig
-from scenarios.toml_errors import ConfigError
+from kernel.toml_errors import ConfigError
 
 GOOD = """
 title = "mine"

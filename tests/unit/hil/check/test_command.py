@@ -4,12 +4,12 @@ import re
 import time
 
 import pytest
-from console import Console, wish
-from made_up import registered
 
 from hil.check import records
 from hil.check.command import run_checklist
 from hil.check.judge import Outcome, Reading
+from tests.unit.hil.check.console import Console, wish
+from tests.unit.hil.check.made_up import registered
 
 LIST = """
 title = "made up"

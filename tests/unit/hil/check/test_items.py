@@ -1,10 +1,10 @@
 """A healthy simulated rig passes every item of the preflight; what cannot be read is unknown, not failed."""
 
 import pytest
-from preflight import ITEMS, result, roomy, with_slot
 
 from hil.check.judge import Outcome
 from hil.check.registry import NotApplicable, Unavailable
+from tests.unit.hil.check.preflight import ITEMS, result, roomy, with_slot
 
 HEALTHY = [key for key in ITEMS if key[0] not in ("host.bus",) and ITEMS[key].when != "real"]
 

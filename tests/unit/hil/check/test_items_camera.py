@@ -4,14 +4,14 @@ import math
 from dataclasses import replace
 
 import pytest
-from made_up import context as make_context
-from preflight import result, with_slot
 
-from hil.check import bench_camera
+from hil.bench import camera as bench_camera
 from hil.check.judge import Outcome
 from hil.check.registry import NotApplicable, Unavailable
 from scenarios.spec import load
-from vehicle.render import Renderer
+from tests.unit.hil.check.made_up import context as make_context
+from tests.unit.hil.check.preflight import result, with_slot
+from vehicle.render.renderer import Renderer
 
 
 @pytest.mark.parametrize("scenario", ["simple-ii", "normal-i", "hard-ii"])

@@ -1,13 +1,13 @@
 """Items of the car: each fault is seen by the item meant for it."""
 
 import pytest
-from preflight import result
 
-from groundcar.scout_params import load_scout
-from groundcar.scout_sim import ScoutSim
-from hil.check import bench_car
+from groundcar.scout.params import load_scout
+from groundcar.scout.sim import ScoutSim
+from hil.bench import car as bench_car
 from hil.check.judge import Outcome
 from hil.check.registry import Unavailable
+from tests.unit.hil.check.preflight import result
 
 
 def car_with(monkeypatch, prepare=lambda sim: None, **changes):

@@ -3,14 +3,15 @@
 from dataclasses import replace
 
 import pytest
-from preflight import ITEMS, result, roomy
 
-from hil import bus_clock
-from hil.bus import BusError, open_hub
-from hil.check import bench_bus, items_host
+from hil.bench import bus as bench_bus
+from hil.bus import clock as bus_clock
+from hil.bus.leaf import BusError, open_hub
+from hil.check import items_host
 from hil.check.judge import Outcome
 from hil.check.registry import NotApplicable, Unavailable, checks
-from hil.view import free_port
+from hil.viewer.view import free_port
+from tests.unit.hil.check.preflight import ITEMS, result, roomy
 
 
 def test_the_bus_is_tried_and_one_that_does_not_come_up_is_unknown(context, monkeypatch):

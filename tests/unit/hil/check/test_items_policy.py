@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from made_up import context as make_context
-from preflight import result
 
 from hil.check.judge import Outcome
 from hil.check.registry import checks
+from tests.unit.hil.check.made_up import context as make_context
+from tests.unit.hil.check.preflight import result
 
 
 class TestPolicy:
@@ -16,8 +16,8 @@ class TestPolicy:
         onnx = pytest.importorskip("onnx")
         import numpy as np
 
-        from policies.contract import METADATA_KEY, Contract, Provenance
-        from policies.observation import OBS_DIM
+        from policies.flying.contract import METADATA_KEY, Contract, Provenance
+        from policies.task.observation import OBS_DIM
 
         def make(**changes):
             h = onnx.helper

@@ -4,13 +4,13 @@ import functools
 from dataclasses import replace
 
 import pytest
-from preflight import result, with_slot
 
-from hil.check import bench_vehicle
+from hil.bench import vehicle as bench_vehicle
 from hil.check.judge import Outcome
 from hil.check.registry import NotApplicable, Unavailable, checks
-from hil.runs import write_json
-from vehicle.px4_sim import Px4Sim
+from hil.recording.runs import write_json
+from tests.unit.hil.check.preflight import result, with_slot
+from vehicle.px4.sim.autopilot import Px4Sim
 
 
 def test_parameters_are_compared_with_the_last_flight_of_this_rig(context):

@@ -2,11 +2,11 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-from made_up import checklist, record_of
 
 from hil.check.checklist import load_checklist
 from hil.check.judge import Outcome
 from hil.check.junit import junit, write_junit
+from tests.unit.hil.check.made_up import checklist, record_of
 
 SCHEMA = Path(__file__).parent / "junit.xsd"
 

@@ -3,11 +3,11 @@ import os
 from datetime import UTC, datetime
 
 import pytest
-from made_up import checklist, record_of, sit
 
 from hil.check import records
 from hil.check.judge import Outcome
 from hil.check.records import GO, INCOMPLETE, NO_GO, RecordError
+from tests.unit.hil.check.made_up import checklist, record_of, sit
 
 NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 

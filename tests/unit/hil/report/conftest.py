@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-GOLDEN = Path(__file__).parents[3] / "data" / "runs" / "simple-ii"
+from tests.paths import GOLDEN_RUN as GOLDEN
 
 
 @pytest.fixture(scope="session")

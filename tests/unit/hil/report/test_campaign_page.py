@@ -2,10 +2,10 @@ import json
 import shutil
 
 import pytest
-from pages import Page
 
-from hil.binomial import interval
 from hil.report.write import write_report
+from hil.scoring.binomial import interval
+from tests.unit.hil.report.pages import Page
 
 
 @pytest.fixture

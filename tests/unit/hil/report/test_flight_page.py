@@ -2,11 +2,11 @@ import json
 
 import numpy as np
 import pytest
-from pages import Page
 
 from hil.report import page
-from hil.report.recorded import load
+from hil.report.recorded.flight import load
 from hil.report.write import write_report
+from tests.unit.hil.report.pages import Page
 
 SECTIONS = [
     "row", "touchdown", "attempt", "frames", "motion", "perception", "estimate", "commands", "latency", "car", "timing",

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
-from pages import Page
 
-from hil.codec import codec
-from hil.mcap_writer import McapWriter
-from hil.reader import ReadError, Recording
-from hil.record import PREFIX
+from hil.contract.codec import codec
+from hil.contract.topics import TOPICS
+from hil.recording.mcap_writer import McapWriter
+from hil.recording.reader import ReadError, Recording
+from hil.recording.recorder import PREFIX
+from hil.recording.runs import RunError
 from hil.report import page
-from hil.report.recorded import load
+from hil.report.recorded.flight import load
 from hil.report.write import write_report
-from hil.runs import RunError
-from hil.topics import TOPICS
+from tests.unit.hil.report.pages import Page
 
 
 def cut(run, keep):

@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.report.charts import Pack, TimePlot, thin
-from hil.report.recorded import load
+from hil.report.drawing.charts import Pack, TimePlot, thin
+from hil.report.drawing.svg import Plane, histogram, ticks
+from hil.report.recorded.flight import load
 from hil.report.sections.latency import first_use_ms
-from hil.report.svg import Plane, histogram, ticks
 
 
 @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4), st.integers(2, 10))

@@ -17,13 +17,13 @@ from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
-from hil.codec import codec
-from hil.foxglove_view import schema_set
-from hil.mcap_writer import McapWriter
-from hil.reader import Recording
-from hil.record import PREFIX
-from hil.runs import open_run
-from hil.topics import TOPICS
+from hil.contract.codec import codec
+from hil.contract.topics import TOPICS
+from hil.recording.foxglove import schema_set
+from hil.recording.mcap_writer import McapWriter
+from hil.recording.reader import Recording
+from hil.recording.recorder import PREFIX
+from hil.recording.runs import open_run
 
 BEFORE_NS = 300_000_000
 VIEWS = {"/tf": FrameTransforms, "/camera/calibration": CameraCalibration, "/camera/image": CompressedImage}

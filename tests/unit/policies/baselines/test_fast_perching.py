@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from policies.baselines.fast_perching import FastPerchingParams, load_search, plan_perch
-from policies.contenders import open_contender
+from policies.evaluation.contenders import open_contender
 
 LAUNCH = FastPerchingParams(thrust_min=5.0, thrust_max=17.0, gravity=9.8)
 UPRIGHT = np.array([0.5, 0.0, 2.0, 0.0, 2.0, 0.0, np.pi / 2, 0.0])

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from policies.contact import OUTCOME, SUCCESS
-from policies.contenders import open_contender
-from policies.evaluate import point, run_episodes
+from policies.evaluation.contenders import open_contender
+from policies.evaluation.evaluate import point, run_episodes
+from policies.task.contact import OUTCOME, SUCCESS
 
 
 def flown(name, **changes):

@@ -1,0 +1,91 @@
+"""A printable file of the board at true size: PDF or SVG (vector) or PNG, chosen by the file's suffix."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from groundcar.board.layout import Board
+
+_MARGIN = 0.015  # m around the face for the caption; outside the cut line
+_CAPTION = "print at 100 %; the line below is 100 mm; this side is down-slope"
+
+
+def write_printable(path: str | Path, board: Board | None = None, dpi: int = 600) -> Path:
+    """Write the board to `path` (.pdf, .svg or .png). Returns the path; ValueError for another suffix.
+
+    Vector files carry a cut line, a caption and a 100 mm line to check the printer's scale; the PNG is the bare face,
+    one module a whole number of pixels, at the nearest resolution to `dpi` that allows it.
+    """
+    board, path = board or Board(), Path(path)
+    writer = {".pdf": _pdf, ".svg": _svg, ".png": _png}.get(path.suffix.lower())
+    if writer is None:
+        raise ValueError(f"cannot print the board to {path.name!r}: use .pdf, .svg or .png")
+    path.write_bytes(writer(board, dpi))
+    return path
+
+
+def _boxes(board: Board, unit: float) -> list[tuple[float, float, float, float]]:
+    """Black rectangles (x, y, width, height) from the top left of the page, in 1/unit metres."""
+    m = board.module
+    return [((c * m + _MARGIN) / unit, (r * m + _MARGIN) / unit, w * m / unit, h * m / unit)
+            for r, c, h, w in board.rectangles()]  # fmt: skip
+
+
+def _svg(board: Board, dpi: int) -> bytes:
+    page, face, margin = (board.size + 2 * _MARGIN) * 1e3, board.size * 1e3, _MARGIN * 1e3
+    rects = "".join(f"M{x:.3f} {y:.3f}h{w:.3f}v{h:.3f}h{-w:.3f}z" for x, y, w, h in _boxes(board, 1e-3))
+    foot = page - margin
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{page:.3f}mm" height="{page:.3f}mm" '
+        f'viewBox="0 0 {page:.3f} {page:.3f}">\n'
+        f'<rect width="{page:.3f}" height="{page:.3f}" fill="#fff"/>\n'
+        f'<rect x="{margin}" y="{margin}" width="{face:.3f}" height="{face:.3f}" fill="none" stroke="#bbb" '
+        f'stroke-width="0.1"/>\n'
+        f'<path d="{rects}" fill="#000"/>\n'
+        f'<text x="{margin}" y="{foot + 5}" font-family="sans-serif" font-size="4">{_CAPTION}</text>\n'
+        f'<path d="M{margin} {foot + 9}h100" stroke="#000" stroke-width="0.3"/>\n</svg>\n'
+    ).encode()
+
+
+def _pdf(board: Board, dpi: int) -> bytes:
+    point = 0.0254 / 72
+    page, margin, face = (board.size + 2 * _MARGIN) / point, _MARGIN / point, board.size / point
+    boxes = "".join(f"{x:.4f} {page - y - h:.4f} {w:.4f} {h:.4f} re\n" for x, y, w, h in _boxes(board, point))
+    mm = 1e-3 / point
+    content = (
+        f"0.7 G 0.3 w {margin:.4f} {margin:.4f} {face:.4f} {face:.4f} re S\n0 g\n{boxes}f\n"
+        f"BT /F1 11 Tf {margin:.3f} {margin - 5 * mm:.3f} Td ({_CAPTION}) Tj ET\n"
+        f"0 G 0.8 w {margin:.4f} {margin - 9 * mm:.4f} m {margin + 100 * mm:.4f} {margin - 9 * mm:.4f} l S\n"
+    ).encode()
+    objects = [
+        b"<< /Type /Catalog /Pages 2 0 R >>",
+        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {page:.4f} {page:.4f}] /Contents 4 0 R "
+        f"/Resources << /Font << /F1 5 0 R >> >> >>".encode(),
+        b"<< /Length %d >>\nstream\n%s\nendstream" % (len(content), content),
+        b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
+    ]
+    out, offsets = b"%PDF-1.4\n", []
+    for number, body in enumerate(objects, 1):
+        offsets.append(len(out))
+        out += b"%d 0 obj\n%s\nendobj\n" % (number, body)
+    table = b"".join(b"%010d 00000 n \n" % offset for offset in offsets)
+    size = len(objects) + 1
+    trailer = b"trailer << /Size %d /Root 1 0 R >>\nstartxref\n%d\n%%%%EOF\n" % (size, len(out))
+    return out + b"xref\n0 %d\n0000000000 65535 f \n" % size + table + trailer
+
+
+def _png(board: Board, dpi: int) -> bytes:
+    scale = max(1, round(board.module * dpi / 0.0254))
+    face = np.kron(board.bitmap, np.ones((scale, scale), np.uint8))
+    data = cv2.imencode(".png", face)[1].tobytes()
+    # A PNG without pHYs prints at whatever size the viewer likes: say how many pixels a metre holds
+    physical = b"pHYs" + struct.pack(">IIB", round(scale / board.module), round(scale / board.module), 1)
+    chunk = struct.pack(">I", 9) + physical + struct.pack(">I", zlib.crc32(physical))
+    header_end = 8 + 25
+    return data[:header_end] + chunk + data[header_end:]

@@ -1,0 +1,48 @@
+"""Where a car is by what its wheels say: the stand-in for its true pose where nothing else measures it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from groundcar.motion.kinematics import drive
+from groundcar.motion.platform import HEADING, INCLINATION, SPEED, TURN_RATE, X, Y, Z
+
+_LONGEST_S = 0.5  # a car that has said nothing for longer is not taken to have driven on
+
+
+class DeadReckoning:
+    """Integrates speed and turn rate from a known pose. Skidding wheels make the heading drift from the true one."""
+
+    def __init__(self, pose: tuple[float, float, float], height: float, inclination: float) -> None:
+        """`pose`: x, y (m) and heading (rad) at the start; `height` (m) and `inclination` (rad): the board's."""
+        self._pose = pose
+        self._speed = self._turn_rate = 0.0
+        self._stamp_ns: int | None = None
+        self._height, self._inclination = height, inclination
+
+    def add(self, stamp_ns: int, speed: float, turn_rate: float) -> None:
+        """What the car reported at `stamp_ns`: m/s, rad/s. What is not newer, or not finite, changes nothing."""
+        if not (math.isfinite(speed) and math.isfinite(turn_rate)):
+            return
+        if self._stamp_ns is not None:
+            if stamp_ns <= self._stamp_ns:
+                return
+            self._pose = self._at(stamp_ns)
+        self._stamp_ns, self._speed, self._turn_rate = stamp_ns, speed, turn_rate
+
+    def platform_row(self, now_ns: int) -> np.ndarray:
+        """The platform row (8,) of `groundcar.motion.platform` at `now_ns`, predicted from the last report."""
+        x, y, heading = self._at(now_ns)
+        row = np.zeros(8)
+        row[X], row[Y], row[Z], row[HEADING] = x, y, self._height, heading
+        row[SPEED], row[TURN_RATE], row[INCLINATION] = self._speed, self._turn_rate, self._inclination
+        return row
+
+    def _at(self, now_ns: int) -> tuple[float, float, float]:
+        if self._stamp_ns is None:
+            return self._pose
+        seconds = min(max(0.0, (now_ns - self._stamp_ns) * 1e-9), _LONGEST_S)
+        x, y, heading = drive(*self._pose, self._speed, self._turn_rate, seconds)
+        return float(x), float(y), float(heading)

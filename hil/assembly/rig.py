@@ -1,0 +1,191 @@
+"""A rig: which link fills each slot, with which delays. Swapping simulated for real is one line of its TOML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from hil.safety.gate import CarGateLimits, GateLimits
+from hil.wires import WireError
+from hil.wires.url import check_url
+from kernel.toml_errors import ConfigError, load_toml, nearest
+
+RIG_DIR = Path(__file__).parent / "rigs"
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class VehicleSlot(_Section):
+    """The quadrotor's autopilot. While motion capture or camera are simulated, a real vehicle's own estimate stands for
+    its true pose in what they see."""
+
+    kind: Literal["sim", "mavlink"] = "sim"
+    url: str = Field(default="", description="of kind mavlink: udp://:14540, tcp://HOST:PORT, serial:///dev/ttyACM0")
+    airframe: str = "paper_quad"
+    clock_drift: float = Field(default=1e-4, gt=0, le=0.1, description="of the autopilot's clock; a SITL needs 0.03")
+    signing_key: str = Field(
+        default="", description="file with the 32 bytes of a MAVLink 2 signing key; empty: unsigned"
+    )
+    wire_delay_ms: float = Field(default=1.0, ge=0, le=100, description="one way, each direction; in lockstep")
+    external_pose: bool = Field(
+        default=False, description="motion capture is fed into the autopilot's estimator, which has nothing else"
+    )
+    hover_position: float = Field(default=0.15, gt=0, le=2, description="m from the start that still is the hover")
+    hover_speed: float = Field(default=0.08, gt=0, le=2, description="m/s; on GPS alone a vehicle never is as still")
+    hover_turning: float = Field(default=0.15, gt=0, le=2, description="rad/s, of the same")
+
+    @field_validator("url")
+    @classmethod
+    def _readable(cls, value: str) -> str:
+        if value:
+            try:
+                check_url(value)
+            except WireError as error:
+                raise ValueError(str(error)) from None
+        return value
+
+    @model_validator(mode="after")
+    def _reachable(self) -> VehicleSlot:
+        if (self.kind == "mavlink") != bool(self.url):
+            raise ValueError('kind "mavlink" needs a url, kind "sim" has none')
+        return self
+
+
+class GroundcarSlot(_Section):
+    """The car under the board. `interface` and `channel` are python-can's, for kind can. While motion capture or camera
+    are simulated, they see a real car where its wheels say that it is, from the scenario's start on."""
+
+    kind: Literal["sim", "can"] = "sim"
+    interface: Literal["socketcan", "udp_multicast", "virtual"] = "socketcan"
+    channel: str = "can0"
+    wire_delay_ms: float = Field(default=1.0, ge=0, le=100, description="one way, each direction; in lockstep")
+
+
+class Calibration(_Section):
+    """A real camera's, as OpenCV's calibration gives it: px, pixel centres at integers; k1, k2, p1, p2, k3.
+
+    Pictures are freed of their distortion before anybody sees them. The defaults are the paper's ideal camera.
+    """
+
+    width: int = Field(default=1280, ge=160, le=4096)
+    height: int = Field(default=720, ge=120, le=4096)
+    fx: float = Field(default=723.9, gt=0)
+    fy: float = Field(default=723.6, gt=0)
+    cx: float = 639.5
+    cy: float = 359.5
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class CameraSlot(_Section):
+    """The camera; `pictures` are rendered and detected, `model` is the paper's visibility gate and noise.
+
+    `device`: /dev/video0 of kind v4l2; of kind gstreamer a pipeline without its sink ("v4l2src ! jpegdec"); a run's
+    folder or recording, made with all pictures, of kind mcap, which is played back once the car sets off.
+    """
+
+    kind: Literal["sim", "v4l2", "gstreamer", "mcap"] = "sim"
+    device: str = ""
+    source: Literal["pictures", "model"] = "pictures"
+    exposure_ms: float = Field(default=2.0, gt=0, le=30)
+    transport_ms: float = Field(default=15.0, ge=0, le=200, description="read-out and transfer, after exposure")
+    gain: float = Field(default=1.0, gt=0, le=4)
+    pixel_format: str = Field(default="MJPG", pattern="^[A-Z0-9 ]{4}$", description="of kind v4l2: MJPG, GREY, YUYV")
+    stamps: Literal["driver", "arrival"] = Field(
+        default="driver",
+        description="of kind v4l2: the buffer's stamp, or arrival less half exposure and transport",
+    )
+    stamp_offset_ms: float = Field(
+        default=0.0, ge=-100, le=100, description="from the driver's stamp to the middle of the exposure; measure it"
+    )
+    calibration: Calibration = Calibration()
+    model_processing_ms: float = Field(default=8.0, ge=0, le=200, description="detection time, with source = model")
+    model_noise: Literal["paper", "measured"] = "paper"
+
+    @model_validator(mode="after")
+    def _complete(self) -> CameraSlot:
+        if (self.kind != "sim") != bool(self.device):
+            raise ValueError(f'kind "{self.kind}" {"needs a device" if self.kind != "sim" else "has no device"}')
+        if self.kind != "sim" and self.source == "model":
+            raise ValueError('source "model" stands for a camera that is simulated')
+        if self.kind not in ("v4l2", "gstreamer") and self.calibration != Calibration():
+            raise ValueError(f'a camera of kind "{self.kind}" brings its own calibration: leave the table out')
+        return self
+
+
+class MocapSlot(_Section):
+    """The motion capture system: the referee's and the car's, never the policy's.
+
+    Of kind vrpn: the server's HOST or HOST:PORT, and how it calls the two bodies, which are defined there as the
+    vehicle's body (x forward, z up, at the centre of mass) and the board (x up the slope, z out of it, at its centre),
+    in a world with z up. `delay_ms` is then taken off the arrival."""
+
+    kind: Literal["sim", "vrpn"] = "sim"
+    server: str = ""
+    vehicle_body: str = "vehicle"
+    board_body: str = "board"
+    rate_hz: float = Field(default=100.0, gt=0, le=400)
+    delay_ms: float = Field(default=5.0, ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _complete(self) -> MocapSlot:
+        if (self.kind == "vrpn") != bool(self.server):
+            raise ValueError('kind "vrpn" needs a server, kind "sim" has none')
+        return self
+
+
+class PolicySlot(_Section):
+    """What flies: `vision` (the network that comes with the project), `planner`, or the path of an ONNX file with the
+    house's contract."""
+
+    kind: str = "vision"
+
+
+class Rig(_Section):
+    """One rig file."""
+
+    title: str
+    vehicle: VehicleSlot = VehicleSlot()
+    groundcar: GroundcarSlot = GroundcarSlot()
+    camera: CameraSlot = CameraSlot()
+    mocap: MocapSlot = MocapSlot()
+    policy: PolicySlot = PolicySlot()
+    gate: GateLimits = GateLimits()
+    car_gate: CarGateLimits = CarGateLimits()
+
+    @model_validator(mode="after")
+    def _measured_from_outside(self) -> Rig:
+        if self.vehicle.external_pose and self.vehicle.kind != "sim" and self.mocap.kind == "sim":
+            raise ValueError(
+                "vehicle.external_pose with a simulated motion capture would feed the autopilot its own estimate: "
+                'use mocap of kind "vrpn", or leave external_pose out'
+            )
+        return self
+
+    @property
+    def simulated(self) -> bool:
+        """True if no real device is in it (recorded pictures are none); such runs never share an identity with real
+        ones."""
+        others = all(slot.kind == "sim" for slot in (self.vehicle, self.groundcar, self.mocap))
+        return others and self.camera.kind in ("sim", "mcap")
+
+
+def list_rigs() -> list[str]:
+    """Names of the rigs that come with the project."""
+    return sorted(path.stem for path in RIG_DIR.glob("*.toml"))
+
+
+def load_rig(name: str) -> Rig:
+    """The rig of that name, or the TOML file at that path. Raises ConfigError naming file, key and what is allowed."""
+    path = Path(name)
+    if path.suffix != ".toml":
+        path = RIG_DIR / f"{name}.toml"
+        if not path.exists():
+            raise ConfigError(
+                f'there is no rig "{name}"{nearest(name, list_rigs())} Known: {", ".join(list_rigs())}; '
+                "a file of your own is given by its path, ending in .toml"
+            )
+    return load_toml(path, Rig)

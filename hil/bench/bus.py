@@ -1,0 +1,90 @@
+"""The live bus on this computer, tried: a hub and two leaves on a port of its own, for half a second."""
+
+from __future__ import annotations
+
+import socket
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.bus.clock import Clock
+from hil.bus.leaf import Bus, BusError, Mailbox, credentials_in, open_hub
+from hil.check.registry import Unavailable
+from hil.contract.messages import VehicleState
+
+_TOPIC = "mocap/vehicle"
+_MESSAGES = 100
+_PERIOD_S = 0.005
+_LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class BusReport:
+    """Publication to arrival at another leaf, ms, over the messages that arrived, of those sent."""
+
+    median_ms: float
+    worst_ms: float
+    arrived: int
+    sent: int
+
+
+def measure_bus() -> BusReport:
+    """Send a hundred poses at 200 Hz. Raises Unavailable if the bus does not come up or nothing arrives."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    mailbox = Mailbox()
+    try:
+        with open_hub(endpoint), Bus(endpoint) as sender, Bus(endpoint) as receiver:
+            receiver.subscribe("recorder", [_TOPIC], mailbox)
+            sender.announce([_TOPIC])
+            _first(sender, mailbox)
+            delays: list[int] = []
+            for _ in range(_MESSAGES):
+                _send(sender)
+                mailbox.wait(round(_PERIOD_S * 1e9))
+                _collect(mailbox, delays)
+                time.sleep(_PERIOD_S)
+            mailbox.wait(100_000_000)
+            _collect(mailbox, delays)
+    except BusError as error:
+        raise Unavailable(str(error)) from None
+    finally:
+        mailbox.close()
+    if not delays:
+        raise Unavailable("nothing that was sent over the bus arrived")
+    delays.sort()
+    return BusReport(delays[len(delays) // 2] * 1e-6, delays[-1] * 1e-6, len(delays), _MESSAGES)
+
+
+def compare_clocks(endpoint: str, keys: Path | None) -> Clock:
+    """This host's clocks against those of the hub at `endpoint`. Raises Unavailable if none answers there."""
+    try:
+        with Bus(endpoint, credentials_in(keys, "status") if keys is not None else None) as bus:
+            return bus.clock().measure()
+    except (BusError, TimeoutError, OSError, ValueError) as error:
+        raise Unavailable(str(error)) from None
+
+
+def _first(sender: Bus, mailbox: Mailbox) -> None:
+    """The subscription takes a moment to reach the sender."""
+    end = time.monotonic() + 3.0
+    while time.monotonic() < end:
+        _send(sender)
+        mailbox.wait(50_000_000)
+        if mailbox.drain():
+            time.sleep(0.05)
+            mailbox.drain()
+            return
+    raise Unavailable("nothing that was sent over the bus arrived")
+
+
+def _send(sender: Bus) -> None:
+    still = (0.0, 0.0, 0.0)
+    now = time.monotonic_ns()
+    sender.publish(now, _TOPIC, VehicleState(now, still, still, _LEVEL, still))
+
+
+def _collect(mailbox: Mailbox, delays: list[int]) -> None:
+    arrived = time.monotonic_ns()
+    delays += [arrived - letter.published_ns for letter in mailbox.drain()]

@@ -1,0 +1,154 @@
+"""What a checklist is about, and the devices its checks read: each opened on first need and kept for the next check."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from hil.assembly.rig import Rig
+from hil.bench.camera import CameraBench, Quat
+from hil.bench.camera_device import DeviceBench
+from hil.bench.car import CarBench
+from hil.bench.mocap import MocapReport, measure_mocap
+from hil.bench.vehicle import Bench, GroundReport, SimulatedBench, TrialReport, live_bench, read_ground, try_failsafes
+from hil.check.registry import NotApplicable, Unavailable
+from hil.recording.runs import policy_identity
+from kernel.rotations import swap_attitude
+from scenarios.draw import Drawn, draw
+from scenarios.spec import Scenario
+from vehicle.quadrotor.airframe import Airframe, load_airframe
+
+if TYPE_CHECKING:
+    from hil.bus.clock import Clock
+
+T = TypeVar("T")
+_STALE_S = 5.0  # a report of a real device older than this is taken anew
+
+
+@dataclass
+class Context:
+    """Rig, policy and scenario of one checklist. `out`: where runs are recorded; `run`: the run to look back on.
+
+    `endpoint` and `keys`: the bus of a rig on several hosts.
+    """
+
+    rig_name: str
+    rig: Rig
+    policy: str
+    scenario: Scenario
+    out: Path
+    run: Path | None = None
+    endpoint: str = ""
+    keys: Path | None = None
+    _kept: dict[str, Any] = field(default_factory=dict)
+    _listened: float = 0.0
+
+    @cached_property
+    def airframe(self) -> Airframe:
+        """The rig's airframe."""
+        return load_airframe(self.rig.vehicle.airframe)
+
+    @cached_property
+    def drawn(self) -> Drawn:
+        """Numbers of the simulated devices."""
+        return draw(self.scenario, 0)
+
+    def ground(self) -> GroundReport:
+        """The autopilot, on the ground and disarmed."""
+        live = self.rig.vehicle.kind == "mavlink"
+        bench: Bench = self._of("vehicle", "bench", self._bench, ("sim", "mavlink"))
+        if live and time.monotonic() - self._listened > _STALE_S:  # the crew may have taken its time in between
+            self._kept.pop("ground", None)
+        if "ground" not in self._kept:
+            self._kept["ground"] = read_ground(bench)
+            self._listened = time.monotonic()
+        return self._kept["ground"]
+
+    def _bench(self) -> Bench:
+        if self.rig.vehicle.kind == "sim":
+            return SimulatedBench(self.airframe, self.rig, self.drawn)
+        return live_bench(self.airframe, self.rig)
+
+    def trial(self) -> TrialReport:
+        """A flight to try the failsafes: simulated vehicles only."""
+        if self.rig.vehicle.kind != "sim":
+            raise Unavailable("a trial flight is for simulated vehicles only: try it by hand, under supervision")
+        return self._of("vehicle", "trial", lambda: try_failsafes(self.airframe, self.rig, self.drawn))
+
+    def car(self) -> CarBench:
+        """The ground car in CAN mode."""
+        return self._of("groundcar", "car", lambda: CarBench.open(self.rig, self.drawn), ("sim", "can"))
+
+    def camera(self) -> CameraBench | DeviceBench:
+        """The camera on its stand in front of the board."""
+        parts = (self.scenario, self.rig, self.airframe, self.drawn)
+        kinds = ("sim", "v4l2", "gstreamer", "mcap")
+        if self.rig.camera.kind == "sim":
+            return self._of("camera", "camera", lambda: CameraBench(*parts))
+        return self._of("camera", "camera", lambda: DeviceBench(*parts, self._attitude), kinds)
+
+    def _attitude(self) -> Quat | None:
+        """Of a real vehicle on its stand, as its autopilot says (w, x, y, z); None without one."""
+        if self.rig.vehicle.kind == "sim":
+            return None
+        return swap_attitude(self.ground().latest("ODOMETRY").q)
+
+    def mocap(self) -> MocapReport:
+        """A second of motion capture."""
+        return self._of("mocap", "mocap", lambda: measure_mocap(self.rig, self.airframe, self.drawn), ("sim", "vrpn"))
+
+    def clocks(self) -> Clock:
+        """This host's clocks against those of the host with the bus's hub."""
+        if not self.endpoint:
+            raise NotApplicable("one host has one clock; for several give --endpoint, the hub of the other")
+        from hil.bench.bus import compare_clocks
+
+        if "clocks" not in self._kept:
+            self._kept["clocks"] = compare_clocks(self.endpoint, self.keys)
+        return self._kept["clocks"]
+
+    def forget(self) -> None:
+        """Read every device anew: a check that is repeated must not be told what it was told before."""
+        for name in ("bench", "car"):
+            if name in self._kept:
+                self._kept[name].close()
+        self._kept.clear()
+
+    def _of(self, slot: str, name: str, make: Callable[[], T], kinds: tuple[str, ...] = ("sim",)) -> T:
+        kind = getattr(self.rig, slot).kind
+        if kind not in kinds:
+            raise Unavailable(f'this program cannot read a {slot} of kind "{kind}" for a checklist yet')
+        if name not in self._kept:
+            self._kept[name] = make()
+        return self._kept[name]
+
+
+def subject(rig_name: str, rig: Rig, policy: str, scenario: Scenario) -> dict[str, Any]:
+    """What a record clears: rig and policy with the digests of their content, and the scenario's class.
+
+    Raises ProvenanceError if the policy's file cannot be read.
+    """
+    content = json.dumps(rig.model_dump(mode="json"), sort_keys=True)
+    return {
+        "rig": Path(rig_name).stem,
+        "rig_sha256": hashlib.sha256(content.encode()).hexdigest(),
+        "simulated": rig.simulated,
+        "policy": policy_identity(policy),
+        "scenario": scenario.name,
+        "scenario_class": scenario_class(scenario),
+    }
+
+
+def scenario_class(scenario: Scenario) -> str:
+    """What scenarios have in common if one preflight clears them all: how steep the board is and how fast it goes.
+
+    The published ones fall into their own classes by name (simple, normal, hard); others stand for themselves.
+    """
+    head, _, tail = scenario.name.rpartition("-")
+    return head if head in ("simple", "normal", "hard") and tail in ("i", "ii") else scenario.name

@@ -1,0 +1,82 @@
+"""A second of motion capture: how often it comes, and how old it is."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+
+from hil.assembly.rig import MocapSlot, Rig
+from hil.check.registry import Unavailable
+from hil.host.lockstep import Clock, Lockstep
+from hil.nodes.mocap import MocapNode
+from hil.nodes.vehicle import VehicleDevice
+from hil.wires import WireError
+from hil.wires.mocap_vrpn import VrpnMocap
+from scenarios.draw import Drawn
+from vehicle.mocap.system import Mocap
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor.airframe import Airframe
+
+_MS = 1_000_000
+_LISTEN_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class MocapReport:
+    """Rate (Hz) and the greatest age (ms) of the newest pose at any moment, and the greatest gap between two (ms)."""
+
+    rate_hz: float
+    age_ms: float
+    gap_ms: float
+    source: str
+
+
+def measure_mocap(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
+    """Watch a standing vehicle. Raises Unavailable if nothing comes."""
+    if rig.mocap.kind == "vrpn":
+        return _listen(rig.mocap)
+    return _modelled(rig, airframe, drawn)
+
+
+def _listen(slot: MocapSlot) -> MocapReport:
+    heard: list[tuple[int, int]] = []
+    try:
+        wire = VrpnMocap(slot.server, (slot.vehicle_body, slot.board_body), round(slot.delay_ms * _MS))
+        wire.wait_for_bodies()
+    except WireError as error:
+        raise Unavailable(str(error)) from None
+    wire.take(0)  # what came while the bodies were waited for
+    began = time.monotonic_ns()
+    while time.monotonic_ns() - began < _LISTEN_NS:
+        time.sleep(0.002)
+        poses = wire.take(0)
+        now = time.monotonic_ns() - began
+        heard += [(now, now - pose.age_ns) for pose in poses if pose.body == slot.vehicle_body]
+    wire.close()
+    return _report(heard, f"VRPN from {slot.server}; {slot.delay_ms:g} ms of the age are the rig's word")
+
+
+def _modelled(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
+    clock = Clock()
+    device = VehicleDevice(Px4Sim({}, airframe, drawn.vehicle_seed))
+    seed = drawn.mocap_seed
+    node = MocapNode(Mocap(seed), Mocap(seed + 1), rig.mocap.rate_hz, round(rig.mocap.delay_ms * _MS))
+    heard: list[tuple[int, int]] = []
+
+    def tap(now_ns: int, topic: str, message: object) -> None:
+        if topic == "mocap/vehicle":
+            heard.append((now_ns, getattr(message, "stamp_ns")))  # noqa: B009
+
+    Lockstep([device, node], clock, tap).run(lambda now: now >= _LISTEN_NS)
+    return _report(heard, "modelled motion capture")
+
+
+def _report(heard: list[tuple[int, int]], source: str) -> MocapReport:
+    """`heard`: arrival and time of each pose, ns."""
+    if len(heard) < 2:
+        raise Unavailable("motion capture sent nothing in a second")
+    gaps = [b[0] - a[0] for a, b in pairwise(heard)]
+    oldest = max(b[0] - a[1] for a, b in pairwise(heard))  # just before the next one came
+    rate = (len(heard) - 1) * 1e9 / (heard[-1][0] - heard[0][0])
+    return MocapReport(rate, oldest / _MS, max(gaps) / _MS, source)

@@ -1,0 +1,256 @@
+"""The autopilot on the bench: what it says on its wire, and, if it is simulated, a trial flight of its failsafes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from hil.assembly.rig import Rig
+from hil.bench.pace import Pace, Virtual, Wall
+from hil.check.registry import Unavailable
+from hil.contract.wire import ByteWire, memory_pair
+from hil.host.lockstep import Clock
+from scenarios.draw import Drawn
+from vehicle.px4 import protocol as px4
+from vehicle.px4.codec import MESSAGES, Packer, Parser
+from vehicle.px4.driver.driver import Px4Link
+from vehicle.px4.driver.params import READ, VALUE, unpack_value
+from vehicle.px4.driver.types import LinkConfig, LinkOutput, Rates
+from vehicle.px4.sim.autopilot import Px4Sim, Truth
+from vehicle.quadrotor.airframe import Airframe
+
+_MS = 1_000_000
+_ANSWER_LIMIT_NS = 20_000_000_000
+_LISTEN_NS = 2_000_000_000
+_HEALTH_LIMIT_NS = 10_000_000_000  # a PX4 that has just booted needs five seconds
+_START = (0.0, 0.0, 2.5, 0.0)
+_FLIGHT_LIMIT_NS = 120_000_000_000
+_GRAVITY = 9.80665
+
+
+class Tap:
+    """A wire that remembers the messages passing through: (our ns, fields) by name; parameters by name."""
+
+    def __init__(self, wire: ByteWire, clock: Clock) -> None:
+        self._wire, self._clock = wire, clock
+        self._parser = Parser()
+        self.heard: dict[str, list[tuple[int, Any]]] = {}
+        self.parameters: dict[str, float] = {}
+
+    def send(self, data: bytes, /) -> None:
+        self._wire.send(data)
+
+    def drain(self) -> None:
+        """Throw away what came while nobody listened, and what was heard before."""
+        while self._wire.receive():
+            pass
+        self.heard.clear()
+
+    def receive(self) -> list[bytes]:
+        datagrams = self._wire.receive()
+        for data in datagrams:
+            for frame in self._parser.feed(data):
+                if frame.name == "PARAM_VALUE":
+                    self._parameter(frame.payload)
+                else:
+                    self.heard.setdefault(frame.name, []).append((self._clock.now_ns, frame.fields))
+        return datagrams
+
+    def close(self) -> None:
+        self._wire.close()
+
+    def _parameter(self, payload: bytes) -> None:
+        four, _, _, raw, kind = VALUE.unpack(payload.ljust(VALUE.size, b"\0"))
+        value = unpack_value(four, kind)
+        if value is not None:
+            self.parameters[raw.split(b"\0", 1)[0].decode("ascii", "replace")] = value
+
+
+@dataclass
+class GroundReport:
+    """What the autopilot says, standing and disarmed, after the driver has set its parameters."""
+
+    heard: dict[str, list[tuple[int, Any]]]
+    parameters: dict[str, float]
+    until_ns: int  # our time at the end of listening
+    listened_ns: int
+    round_trip_ns: int
+    clock_offset_ns: int
+    notes: list[str] = field(default_factory=list)
+    source: str = ""
+
+    def latest(self, name: str) -> Any:
+        """The newest message of that name. Raises Unavailable if none came."""
+        if not self.heard.get(name):
+            raise Unavailable(f"the autopilot sent no {name} in {self.listened_ns * 1e-9:g} s")
+        return self.heard[name][-1][1]
+
+    def rate_hz(self, name: str) -> float:
+        """Messages a second while listening."""
+        count = sum(now >= self.until_ns - self.listened_ns for now, _ in self.heard.get(name, ()))
+        return count / (self.listened_ns * 1e-9)
+
+
+@dataclass(frozen=True)
+class TrialReport:
+    """What a trial flight showed. Seconds; None: it did not happen."""
+
+    loss_s: float | None  # last set-point to the autopilot leaving OFFBOARD
+    loss_mode: str
+    kill_s: float | None  # kill asked for to disarmed
+    motors_off_s: float | None  # kill asked for to every motor's thrust gone
+    notes: tuple[str, ...]
+    source: str = "software PX4, flown to a hover for it"
+
+
+class Bench:
+    """Our driver, which never arms by itself here, on a tapped wire to a real or a simulated autopilot."""
+
+    def __init__(self, pace: Pace, wire: ByteWire, config: LinkConfig, source: str) -> None:
+        self.pace, self.clock, self.source = pace, pace.clock, source
+        self.tap = Tap(wire, self.clock)
+        self.link = Px4Link(self.tap, config)
+        self.notes: list[str] = []
+
+    def step(self, command: Rates | None = None) -> LinkOutput:
+        """Two milliseconds."""
+        self.pace()
+        said = self.link.step(self.clock.now_ns, command)
+        self.notes += [note.text for note in said.notes if note.severity != "info"]
+        return said
+
+    def close(self) -> None:
+        """Give the wire back."""
+        self.tap.close()
+
+
+class SimulatedBench(Bench):
+    """A software PX4 on a wire in memory, in virtual time."""
+
+    def __init__(self, airframe: Airframe, rig: Rig, drawn: Drawn, *, arm: bool = False) -> None:
+        pace = Virtual()
+        ours, theirs = memory_pair(pace.clock, round(rig.vehicle.wire_delay_ms * _MS))
+        self.sim = Px4Sim({"api": theirs}, airframe, drawn.vehicle_seed)
+        pace.devices.append(self.sim.step)
+        config = LinkConfig(start=_START, hover_thrust=airframe.hover_thrust, arm=arm)
+        super().__init__(pace, ours, config, "software PX4, MAVLink in memory")
+
+
+def live_bench(airframe: Airframe, rig: Rig) -> Bench:
+    """The autopilot at the rig's address. Raises Unavailable if the wire cannot be opened."""
+    from hil.wires import WireError
+    from hil.wires.url import open_url
+
+    slot = rig.vehicle
+    if slot.signing_key:
+        raise Unavailable("a checklist cannot read an autopilot that demands signed MAVLink yet")
+    try:
+        wire = open_url(slot.url)
+    except WireError as error:
+        raise Unavailable(str(error)) from None
+    config = LinkConfig(start=_START, hover_thrust=airframe.hover_thrust, clock_drift=slot.clock_drift, arm=False)
+    return Bench(Wall(), wire, config, f"autopilot at {slot.url}")
+
+
+def read_ground(bench: Bench) -> GroundReport:
+    """Let the driver set its parameters and streams if it has not yet, then listen for two seconds.
+
+    Raises Unavailable if it gets no answer. The vehicle is not armed.
+    """
+    began = bench.clock.now_ns
+    bench.tap.drain()
+    while bench.link.phase in ("connect", "parameters", "streams"):
+        bench.step()
+        if bench.link.phase == "failed" or bench.clock.now_ns - began > _ANSWER_LIMIT_NS:
+            raise Unavailable(f"no working link to {bench.source}: {'; '.join(bench.notes[-2:]) or bench.link.phase}")
+    since = bench.clock.now_ns
+    fine = False
+    while bench.clock.now_ns - since < (_LISTEN_NS if fine else _HEALTH_LIMIT_NS):
+        bench.step()
+        status = bench.tap.heard.get("SYS_STATUS")
+        fine = bool(status and status[-1][1].onboard_control_sensors_health & px4.PREARM_CHECK)
+    counters = bench.link.counters
+    return GroundReport(
+        heard=bench.tap.heard,
+        parameters=_Parameters(bench),
+        until_ns=bench.clock.now_ns,
+        listened_ns=bench.clock.now_ns - since,
+        round_trip_ns=counters["round_trip_ns"],
+        clock_offset_ns=counters["clock_offset_ns"],
+        notes=bench.notes,
+        source=bench.source,
+    )
+
+
+class _Parameters(dict[str, float]):
+    """Parameters by name, each read from the autopilot when first asked for; KeyError if it does not answer."""
+
+    def __init__(self, bench: Bench) -> None:
+        super().__init__()
+        self._bench, self._packer = bench, Packer(245, 190)
+
+    def __missing__(self, name: str) -> float:
+        bench = self._bench
+        bench.tap.parameters.pop(name, None)
+        request = READ.pack(-1, 1, px4.PX4_COMPONENT, name.encode())
+        for _ in range(3):
+            bench.tap.send(self._packer.pack_payload(MESSAGES["PARAM_REQUEST_READ"], request))
+            for _ in range(250):
+                bench.step()
+                if name in bench.tap.parameters:
+                    self[name] = bench.tap.parameters[name]
+                    return self[name]
+        raise KeyError(name)
+
+
+def try_failsafes(airframe: Airframe, rig: Rig, drawn: Drawn) -> TrialReport:
+    """Fly to a hover, hand over, fall silent, and see what the autopilot does; then kill it in the air."""
+    bench = SimulatedBench(airframe, rig, drawn, arm=True)
+    if not _fly_to_hover(bench):
+        raise Unavailable(
+            f"the trial flight did not reach its hover: {'; '.join(bench.notes[-2:]) or bench.link.phase}"
+        )
+    last_ns = handed_ns = bench.clock.now_ns
+    while bench.clock.now_ns - handed_ns < 500 * _MS:
+        due = bench.clock.now_ns - last_ns >= 10 * _MS
+        last_ns = bench.clock.now_ns if due else last_ns
+        bench.step(Rates((0.0, 0.0, 0.0), _GRAVITY) if due else None)
+    loss_ns, mode = None, "OFFBOARD"
+    while loss_ns is None and bench.clock.now_ns - last_ns < 5_000_000_000:
+        said = bench.step()
+        if said.mode != "OFFBOARD":
+            loss_ns, mode = bench.clock.now_ns - last_ns, said.mode
+    kill_ns, motors_ns = _kill(bench)
+    return TrialReport(_seconds(loss_ns), mode, _seconds(kill_ns), _seconds(motors_ns), tuple(bench.notes))
+
+
+def _fly_to_hover(bench: Bench) -> bool:
+    while bench.clock.now_ns < _FLIGHT_LIMIT_NS:
+        said = bench.step()
+        if said.phase in ("hover", "failed"):
+            return said.phase == "hover"
+    return False
+
+
+def _kill(bench: SimulatedBench) -> tuple[int | None, int | None]:
+    asked = bench.clock.now_ns
+    bench.link.kill()
+    kill_ns = motors_ns = None
+    while bench.clock.now_ns - asked < 3_000_000_000 and (kill_ns is None or motors_ns is None):
+        said = bench.step()
+        after = bench.clock.now_ns - asked
+        if kill_ns is None and not said.armed:
+            kill_ns = after
+        if motors_ns is None and _still(bench.sim.truth()):
+            motors_ns = after
+    return kill_ns, motors_ns
+
+
+def _still(truth: Truth) -> bool:
+    """True once no motor gives more than a fiftieth of its thrust."""
+    return not truth.armed and max(map(math.fabs, truth.motors)) < 0.02
+
+
+def _seconds(ns: int | None) -> float | None:
+    return None if ns is None else ns * 1e-9

@@ -1,0 +1,150 @@
+"""The bus between processes, as a leaf of the hub has it. Who may read a topic is asked of
+`hil/contract/topics.py` at every subscription, and by the hub's access list over TLS.
+
+A message travels as the protobuf bytes of `hil/contract/codec.py`, with the publisher's time and running
+number beside it.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from typing import Any
+
+import zenoh
+
+from hil.bus.clock import ClockWatch
+from hil.bus.mailbox import PICTURES, STAMP, Letter, Mailbox
+from hil.bus.session import BusError, Credentials, credentials_in, open_hub, open_leaf
+from hil.contract.codec import codec
+from hil.contract.topics import TOPICS, may_read
+
+TOPIC, CONTROL, HEALTH = "perch/topic/", "perch/control", "perch/health/"
+OBSERVERS = ("recorder", "supervisor", "status")  # of the harness, never of a slot: they read every topic
+
+
+class Publisher:
+    """One topic's publisher; numbers what it sends from 0."""
+
+    def __init__(self, session: zenoh.Session, topic: str) -> None:
+        self._codec, self._sequence = codec(TOPICS[topic].message), 0
+        picture = topic == PICTURES
+        # not express: while a link is busy messages share a batch, so that its queue holds thousands instead of 16
+        # DROP: a reader that has stopped may cost itself letters, it may not hold up the hub and with it everybody
+        self._publisher = session.declare_publisher(
+            TOPIC + topic,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA if picture else zenoh.Priority.REAL_TIME,
+        )
+
+    def put(self, now_ns: int, message: Any) -> int:
+        """Publish; returns the message's number. Raises CodecError for a value the message cannot hold."""
+        sequence, self._sequence = self._sequence, self._sequence + 1
+        self._publisher.put(self._codec.encode(message), attachment=STAMP.pack(now_ns, sequence))
+        return sequence
+
+
+class Bus:
+    """A leaf. Use as a context manager: a session left open can hang the process at exit."""
+
+    def __init__(self, endpoint: str, credentials: Credentials | None = None, timeout_s: float = 5.0) -> None:
+        """Connect to the hub at `endpoint`. Raises BusError if none answers within `timeout_s`."""
+        self._session = open_leaf(endpoint, credentials, timeout_s)
+        self._publishers: dict[str, Publisher] = {}
+        self._delivered: set[tuple[int, str]] = set()  # mailbox, topic
+
+    def publish(self, now_ns: int, topic: str, message: Any) -> int:
+        """Publish on `topic` at the run's time `now_ns`; returns the message's number."""
+        publisher = self._publishers.get(topic)
+        if publisher is None:
+            publisher = self._publishers[topic] = Publisher(self._session, topic)
+        return publisher.put(now_ns, message)
+
+    def announce(self, topics: Iterable[str]) -> None:
+        """Declare publishers beforehand, so that the first message costs no more than the next."""
+        for topic in topics:
+            self._publishers.setdefault(topic, Publisher(self._session, topic))
+
+    def subscribe(self, reader: str, topics: Iterable[str], mailbox: Mailbox) -> None:
+        """Letters of `topics` into `mailbox`, each once however many readers share it.
+
+        Raises BusError if the contract does not let `reader` read one.
+        """
+        for topic in topics:
+            if topic not in TOPICS:
+                raise BusError(f"{reader} asks for topic {topic!r}, which hil/contract/topics.py does not list")
+            if reader not in OBSERVERS and not may_read(reader, topic):
+                readers = ", ".join(TOPICS[topic].readers) or "nobody"
+                raise BusError(f"{reader} may not read {topic!r}: the contract allows {readers}")
+            if (id(mailbox), topic) in self._delivered:
+                continue
+            self._delivered.add((id(mailbox), topic))
+
+            def take(sample: zenoh.Sample, topic: str = topic) -> None:
+                stamp = sample.attachment.to_bytes() if sample.attachment is not None else b""
+                if mailbox.wanted(topic, stamp):
+                    mailbox.put(topic, sample.payload.to_bytes(), stamp)
+
+            self._listen(TOPIC + topic, take)
+
+    def ages(self, topics: Iterable[str], counts: dict[str, int] | None = None) -> dict[str, int]:
+        """A live table: topic -> monotonic ns of its last arrival; arrivals are counted in `counts`. Payloads are not
+        looked at."""
+        heard: dict[str, int] = {}
+        for topic in topics:
+
+            def note(_: zenoh.Sample, topic: str = topic) -> None:
+                heard[topic] = time.monotonic_ns()
+                if counts is not None:
+                    counts[topic] = counts.get(topic, 0) + 1
+
+            self._listen(TOPIC + topic, note)
+        return heard
+
+    def say(self, key: str, table: dict[str, Any]) -> None:
+        """Send a table of the harness's own (CONTROL, HEALTH + service): not part of the contract, not recorded.
+
+        Never waits, as `publish` never does: a hub that waits for a reader who has stopped holds up everybody, and a
+        driver that waits for the hub holds up its vehicle. What has to arrive is said again.
+        """
+        self._session.put(
+            key, json.dumps(table), priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.DROP, express=True,
+        )  # fmt: skip
+
+    def hear(self, key: str, take: Callable[[dict[str, Any]], None]) -> None:
+        """Call `take` (which must only store) with every table said on `key`; what is no table is ignored."""
+
+        def parse(sample: zenoh.Sample) -> None:
+            with suppress(ValueError):
+                table = json.loads(sample.payload.to_bytes())
+                if isinstance(table, dict):
+                    take(table)
+
+        self._listen(key, parse)
+
+    def clock(self) -> ClockWatch:
+        """Compares this host's clocks with the hub's."""
+        return ClockWatch(self._session)
+
+    def _listen(self, key: str, take: Callable[[zenoh.Sample], None]) -> None:
+        self._session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
+
+    def close(self) -> None:
+        """Leave the bus; may be called twice."""
+        with suppress(zenoh.ZError):
+            self._session.close()
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+__all__ = [
+    "CONTROL", "HEALTH", "OBSERVERS", "TOPIC", "Bus", "BusError", "Credentials", "Letter", "Mailbox",
+    "credentials_in", "open_hub",
+]  # fmt: skip

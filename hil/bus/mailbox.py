@@ -1,0 +1,119 @@
+"""Letters for one service: what the bus's threads bring is kept here until the service looks."""
+
+from __future__ import annotations
+
+import os
+import select
+import struct
+from collections import deque
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from hil.contract.codec import CodecError, codec
+from hil.contract.topics import TOPICS
+
+PICTURES = "camera/image"
+STAMP = struct.Struct("<qQ")  # beside every payload: time of publication by the run's clock (ns), running number
+_DEPTH = 256  # messages kept of a topic while its reader is busy; pictures: the newest only
+
+
+class Letter(NamedTuple):
+    """A message as it came. `published_ns` is the run's time by the publisher's clock."""
+
+    topic: str
+    published_ns: int
+    sequence: int
+    message: Any
+
+
+class Mailbox:
+    """Letters for one service. Callbacks only append; the newest picture wins; `wait` sleeps until something comes."""
+
+    def __init__(
+        self,
+        depth: int = _DEPTH,
+        pictures: int = 1,
+        urgent: Iterable[str] | None = None,
+        picture_period_ns: int = 0,
+    ) -> None:
+        """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted. Pictures
+        published sooner than `picture_period_ns` after the last one taken are not wanted: passed over, not counted.
+
+        `urgent`: topics that end a `wait`; the others lie until somebody looks anyway. None: all do.
+        """
+        self._depth, self._pictures = depth, pictures
+        self._picture_period_ns, self._picture_ns = picture_period_ns, -picture_period_ns
+        self._urgent = None if urgent is None else frozenset(urgent)
+        self._queues: dict[str, deque[tuple[int, bytes, bytes]]] = {}
+        self._arrivals = 0
+        self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.dropped: dict[str, int] = {}
+        self.lost: dict[str, int] = {}  # numbers missing in what arrived
+        self.garbage = 0
+        self._expected: dict[str, int] = {}
+
+    def put(self, topic: str, payload: bytes, stamp: bytes) -> None:
+        """Called by the bus's threads with what is `wanted`."""
+        queue = self._queues.get(topic)
+        if queue is None:
+            queue = self._queues.setdefault(topic, deque(maxlen=self._pictures if topic == PICTURES else self._depth))
+        if len(queue) == queue.maxlen:
+            self.dropped[topic] = self.dropped.get(topic, 0) + 1
+        self._arrivals += 1
+        queue.append((self._arrivals, payload, stamp))
+        if self._urgent is None or topic in self._urgent:
+            self.wake()
+
+    def wanted(self, topic: str, stamp: bytes) -> bool:
+        """Whether to `put` it, asked before a picture is copied. Called by the bus's threads."""
+        if not self._picture_period_ns or topic != PICTURES or len(stamp) != STAMP.size:
+            return True  # garbage is counted where it is opened
+        published_ns, _ = STAMP.unpack(stamp)
+        if 0 <= published_ns - self._picture_ns < self._picture_period_ns:
+            return False
+        self._picture_ns = published_ns
+        return True
+
+    def wake(self) -> None:
+        """End a `wait` now."""
+        with suppress(BlockingIOError, OSError):
+            os.eventfd_write(self._fd, 1)
+
+    def wait(self, timeout_ns: int, also: Iterable[int] = ()) -> list[int]:
+        """Sleep until a letter comes or there is something to read from a descriptor of `also`, at most `timeout_ns`.
+
+        Returns which of them.
+        """
+        ready, _, _ = select.select([self._fd, *also], [], [], max(0, timeout_ns) * 1e-9)
+        with suppress(BlockingIOError):
+            os.eventfd_read(self._fd)
+        return [fd for fd in ready if fd != self._fd]
+
+    def drain(self) -> list[Letter]:
+        """What has come, in the order of arrival. What is no message of its topic is counted in `garbage`."""
+        found: list[tuple[int, str, bytes, bytes]] = []
+        for topic, queue in list(self._queues.items()):
+            while queue:
+                arrival, payload, stamp = queue.popleft()
+                found.append((arrival, topic, payload, stamp))
+        return [letter for item in sorted(found) if (letter := self._open(*item)) is not None]
+
+    def _open(self, _: int, topic: str, payload: bytes, stamp: bytes) -> Letter | None:
+        try:
+            published_ns, sequence = STAMP.unpack(stamp)
+            message = codec(TOPICS[topic].message).decode(payload)
+        except (struct.error, CodecError, KeyError):
+            self.garbage += 1
+            return None
+        gap = sequence - self._expected.get(topic, sequence)
+        thinned = topic == PICTURES and self._picture_period_ns > 0
+        if gap > 0 and topic != "event" and not thinned:  # events have several publishers
+            self.lost[topic] = self.lost.get(topic, 0) + gap
+        self._expected[topic] = sequence + 1
+        return Letter(topic, published_ns, sequence, message)
+
+    def close(self) -> None:
+        """Free the descriptor."""
+        with suppress(OSError):
+            os.close(self._fd)

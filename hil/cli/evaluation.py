@@ -1,0 +1,136 @@
+"""One evaluation of one policy, as the command line asks for it: tables and map, with progress on stderr."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from hil.cli.policy_table import policy_data, policy_table
+from policies.environment.config import TICK
+from policies.evaluation.contenders import open_contender
+from policies.evaluation.evaluate import POINTS, Row, evaluate, evaluation_seed
+from policies.evaluation.maps import HeatMap, heatmap, motions, robustness
+
+_NOISE = {"paper": "the paper's noise", "measured": "our detector's measured noise (about a tenth of the paper's)"}
+_CASE_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion or another vehicle and of a cell, of those of a point
+
+_FILE_WIDTH = 140  # characters, where the output is no terminal
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line asked for. `time_limit` s; `picture`: where the map goes, or None."""
+
+    policy: str
+    episodes: int = 2000
+    stage: str | None = None
+    noise: str = "paper"
+    hover: bool = False
+    time_limit: float = 5.0
+    motions: bool = False
+    robust: bool = False
+    picture: Path | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What came out."""
+
+    request: Request
+    name: str
+    stage: str
+    rows: list[Row]
+    motion_rows: list[Row]
+    robust_rows: list[Row]
+    map: HeatMap | None
+
+    def conditions(self) -> str:
+        """Under what it was flown, in words."""
+        asked = self.request
+        start = "hovering start" if asked.hover else "the paper's start"
+        seen = (
+            f"on a camera's belief with {_NOISE[asked.noise]}" if self.stage == "vision" else "told where the board is"
+        )
+        return f"{self.name}, {self.stage} stage: {seen}, {start}, {asked.time_limit:g} s, seed {asked.seed}"
+
+    def data(self) -> dict[str, Any]:
+        """As plain data, for JSON."""
+        asked = self.request
+        found = self.map
+        return {
+            "policy": asked.policy,
+            "name": self.name,
+            "stage": self.stage,
+            "noise": asked.noise if self.stage == "vision" else None,
+            "hover": asked.hover,
+            "time_limit": asked.time_limit,
+            "seed": asked.seed,
+            "points": policy_data(self.rows, self.stage),
+            "motions": policy_data(self.motion_rows, self.stage),
+            "robustness": policy_data(self.robust_rows, self.stage),
+            "heatmap": found and {**vars(found), "picture": str(asked.picture)},
+        }
+
+    def show(self) -> None:
+        """Print the tables."""
+        console = Console()
+        if not console.is_terminal:
+            console = Console(width=_FILE_WIDTH)
+        console.print(self.conditions(), highlight=False)
+        title = f"{self.rows[0].episodes} episodes a point"
+        console.print(policy_table(self.rows, self.stage, title, console.width))
+        for what, rows in (("motions", self.motion_rows), ("other vehicles", self.robust_rows)):
+            if rows:
+                title = f"{what}, {rows[0].episodes} episodes each"
+                console.print(policy_table(rows, self.stage, title, console.width))
+        if self.map is not None:
+            picture = self.request.picture
+            assert picture is not None
+            console.print(f"wrote {picture} and {picture.with_suffix('.csv')}", highlight=False)
+
+
+@contextmanager
+def _bar(what: str):
+    """A progress bar on stderr that takes shares from 0 to 1; nothing where stderr is not a terminal."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=1.0)
+        watch: Callable[[float], None] = lambda share: progress.update(task, completed=share)  # noqa: E731
+        yield watch
+
+
+def evaluate_policy(request: Request) -> Evaluation:
+    """Do what `request` asks. Raises ContractError or ValueError for what cannot be flown, OSError for the picture."""
+    contender = open_contender(request.policy)
+    changes = {"warm": float(request.hover), "limit": round(request.time_limit / TICK)}
+    config = contender.config(request.stage, evaluation_seed(request.seed), **changes)
+    policy, noise = contender.policy, request.noise
+    with _bar("points") as watch:
+        rows = evaluate(policy, config, request.episodes, tuple(POINTS), noise, watch)
+    motion_rows: list[Row] = []
+    robust_rows: list[Row] = []
+    episodes = max(10, round(_CASE_SHARE * request.episodes))
+    if request.motions:
+        with _bar("motions") as watch:
+            motion_rows = motions(policy, config, episodes, noise=noise, watch=watch)
+    if request.robust:
+        with _bar("other vehicles") as watch:
+            robust_rows = robustness(policy, config, episodes, noise, watch)
+    found = None
+    if request.picture is not None:
+        with _bar("map") as watch:
+            found = heatmap(policy, config, max(10, round(_CELL_SHARE * request.episodes)), noise, watch)
+    evaluation = Evaluation(request, contender.name, config.stage, rows, motion_rows, robust_rows, found)
+    if found is not None and request.picture is not None:
+        request.picture.parent.mkdir(parents=True, exist_ok=True)
+        request.picture.write_text(found.svg(evaluation.conditions()))
+        request.picture.with_suffix(".csv").write_text(found.csv())
+    return evaluation

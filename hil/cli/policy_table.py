@@ -1,0 +1,69 @@
+"""How policies perched in the training environment, as tables and data: our rows beside the published ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from hil.scoring.binomial import interval
+from policies.evaluation.evaluate import Row, as_data
+from scenarios.paper import SimulatedRow, published
+
+_HEADS = ("point", "success", "95 %", "time", "pos", "angle", "v_t", "v_n")
+_UNITS = ("", "%", "", "s", "m", "rad", "m/s", "m/s")
+_WIDE = 110  # characters from which on there is room for why it failed
+
+
+def _published(row: Row, stage: str) -> SimulatedRow | None:
+    """The paper's row for this point, if it has one."""
+    if row.name not in ("T1", "T2", "T3"):
+        return None
+    said = published(f"{stage}.{row.name.lower()}")
+    assert isinstance(said, SimulatedRow)
+    return said
+
+
+def policy_data(rows: list[Row], stage: str) -> list[dict[str, Any]]:
+    """The rows as plain data, with their exact 95 % interval (percent) and the paper's row; no mean is None."""
+    found = []
+    for row, data in zip(rows, as_data(rows), strict=True):
+        low, high = interval(row.hits, row.episodes)
+        said = _published(row, stage)
+        data = {k: None if v != v else v for k, v in data.items()}
+        found.append({**data, "interval_95": [100.0 * low, 100.0 * high], "paper": said.model_dump() if said else None})
+    return found
+
+
+def policy_table(rows: list[Row], stage: str, title: str, width: int) -> Table:
+    """The rows as a table for a console of `width`; the paper's in between, dim. Means are over successes.
+
+    v_t, v_n: tangential speed and speed into the board at contact; of the latter also the middle 90 %.
+    """
+    grid = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head, unit in zip(_HEADS, _UNITS, strict=True):
+        grid.add_column(f"{head}\n{unit}", justify="left" if head == "point" else "right", no_wrap=True)
+    if width >= _WIDE:
+        grid.add_column("middle\n90 %", justify="right", no_wrap=True)
+        grid.add_column("seen\n%", justify="right", no_wrap=True)
+        grid.add_column("failures")
+    for row in rows:
+        low, high = interval(row.hits, row.episodes)
+        means = (row.duration, 2), (row.position_error, 3), (row.normal_error, 3), (row.tangential_speed, 3)
+        shown = [f"{value:.{digits}f}" if row.hits else "-" for value, digits in (*means, (row.normal_speed, 2))]
+        middle = f"{row.normal_speed_5:.2f}-{row.normal_speed_95:.2f}" if row.hits else "-"
+        more = (middle, f"{row.seen:.0f}", _failures(row)) if width >= _WIDE else ()
+        grid.add_row(row.name, f"{row.success:.2f}", f"{100 * low:.1f}-{100 * high:.1f}", *shown, *more)
+        said = _published(row, stage)
+        if said is not None:
+            grid.add_row(
+                "   paper", f"{said.success_percent:.2f}", "", f"{said.duration:.2f}", f"{said.position_error:.3f}",
+                f"{said.normal_error:.3f}", f"{said.tangential_speed:.3f}", style="dim",
+            )  # fmt: skip
+    return grid
+
+
+def _failures(row: Row) -> str:
+    most = sorted(row.causes.items(), key=lambda item: -item[1])
+    return ", ".join(f"{cause.replace('_', ' ')} {count}" for cause, count in most)

@@ -1,0 +1,71 @@
+"""`perch-hil report` and `perch-hil view`: what a crew looks at after a flight."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+USAGE, COULD_NOT_RUN = 2, 3
+
+
+def report(
+    runs: Annotated[list[Path], typer.Argument(help="a run folder or .mcap; several, or a folder of runs: a campaign")],
+    compare: Annotated[Path | None, typer.Option(help="a second run, shown side by side with the first")] = None,
+    out: Annotated[Path | None, typer.Option(help="file to write [default: report.html in the run folder]")] = None,
+) -> None:
+    """Write one HTML file of a run that opens offline: verdict, the paper's row, touchdown, plots, provenance.
+
+    Exit code: 0 written, 2 not a readable run, 3 could not write. What a recording lacks is said in the report.
+    """
+    from hil.recording.reader import ReadError
+    from hil.recording.runs import RunError
+    from hil.report.write import write_report
+
+    try:
+        path = write_report(runs, compare, out)
+    except (ReadError, RunError, ValueError) as error:
+        raise _fail(str(error), USAGE) from None
+    except OSError as error:
+        raise _fail(f"{error.filename or out}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
+    print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
+
+
+def view(
+    run: Annotated[Path, typer.Argument(help="a run folder, or an .mcap")],
+    save: Annotated[Path | None, typer.Option(help="write this .rrd file instead of opening a window")] = None,
+) -> None:
+    """Open a run in Rerun: 3-D with board, camera and tags, pictures with detections, the time series that matter.
+
+    Exit code: 0 opened or written, 2 not a readable run or Rerun not installed, 3 could not open or write.
+    """
+    from hil.recording.reader import ReadError
+    from hil.recording.runs import RunError
+    from hil.viewer.view import ViewerError, open_viewer, save_rrd
+
+    try:
+        if save is None:
+            open_viewer(run)
+        else:
+            save_rrd(run, save)
+    except (ReadError, RunError, ValueError) as error:
+        raise _fail(str(error), USAGE) from None
+    except ViewerError as error:
+        raise _fail(str(error), error.code) from None
+    except OSError as error:
+        raise _fail(f"{error.filename or save}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
+    if save is not None:
+        print(f"wrote {save} ({save.stat().st_size / 1e6:.2f} MB): open it with `rerun {save}`")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command()(report)
+    app.command()(view)
+
+
+def _fail(text: str, code: int) -> typer.Exit:
+    print(f"perch-hil: {text}", file=sys.stderr)
+    return typer.Exit(code)

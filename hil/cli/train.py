@@ -1,0 +1,126 @@
+"""`perch-hil train` and `perch-hil evaluate`: making policies, and judging whatever could fly."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+USAGE, COULD_NOT_RUN = 2, 3
+
+
+def train(
+    stage: Annotated[
+        Literal["state", "vision"],
+        typer.Option(help="state: the policy is told where the board is; vision: it sees a camera's belief"),
+    ] = "state",
+    recipe: Annotated[
+        str | None,
+        typer.Option(help="a name in policies/training/recipes or a .toml [default: imitate, watch for vision]"),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, max=999_999_999)] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="folder of the run [default: training_runs/RECIPE-STAGE-SEED]")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on where the run in --out was stopped or killed")
+    ] = False,
+    parent: Annotated[
+        Path | None, typer.Option(help="begin with the weights of this run (its folder) or of this .onnx file")
+    ] = None,
+    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N")] = "cpu",
+) -> None:
+    """Train a policy; leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder.
+
+    Ctrl-C saves and says how to go on; a kill loses at most a minute. In several processes, on GPUs or not:
+    `torchrun --nproc-per-node=2 -m hil train ...`.
+
+    Exit code: 0 trained, 2 usage or recipe, or a checkpoint, device or parent that does not fit, 3 stopped by numbers
+    that are not finite or a disk that is full, 130 interrupted.
+    """
+    try:
+        from hil.cli.training import RECIPES, Request, train_policy
+    except ModuleNotFoundError as error:
+        raise _fail(f"training needs {error.name}: pip install -e '.[train]' in the project's folder", USAGE) from None
+    from policies.flying.contract import ContractError
+    from policies.training.learners.storage import DivergedError, TrainingError
+    from policies.training.recipe import RecipeError
+
+    named = recipe or RECIPES[stage]
+    folder = out or Path("training_runs") / f"{Path(named).stem}-{stage}-{seed}"
+    request = Request(stage, named, seed, folder, resume, parent, device)
+    try:
+        code = train_policy(request)
+    except (DivergedError, ContractError) as error:
+        raise _fail(str(error), COULD_NOT_RUN) from None
+    except (RecipeError, TrainingError) as error:
+        raise _fail(str(error), USAGE) from None
+    except OSError as error:
+        raise _fail(f"{error.filename or folder}: {error.strerror}", COULD_NOT_RUN) from None
+    except KeyboardInterrupt:
+        raise _fail("stopped without saving; the last checkpoint is as it was", 130) from None
+    raise typer.Exit(code)
+
+
+def evaluate(
+    policy: Annotated[
+        str, typer.Argument(help="vision, an .onnx file, planner, planner-analytic or expert (with foresight)")
+    ],
+    episodes: Annotated[int, typer.Option(min=10, help="episodes at each point")] = 2000,
+    stage: Annotated[
+        Literal["state", "vision"] | None,
+        typer.Option(help="state: it is told where the board is; vision: a camera's belief [default: the policy's]"),
+    ] = None,
+    noise: Annotated[
+        Literal["paper", "measured"], typer.Option(help="the simulated detector's: the paper's, or our detector's own")
+    ] = "paper",
+    hover: Annotated[
+        bool, typer.Option("--hover", help="begin hovering and watching for up to 1 s, as a flight does")
+    ] = False,
+    time_limit: Annotated[float, typer.Option(min=1.0, max=60.0, help="seconds to perch in (the paper's: 5)")] = 5.0,
+    motions: Annotated[bool, typer.Option("--motions", help="also the four trajectory families")] = False,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="also other vehicles, cameras and cars than it was made for")
+    ] = False,
+    heatmap: Annotated[
+        Path | None, typer.Option(help="also map speed x inclination: writes this .svg and a .csv beside it")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="evaluation seed; no training or tuning draws from these")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="one object on stdout, nothing else there")] = False,
+) -> None:
+    """Fly a policy thousands of times in the training environment and print its rows beside the paper's.
+
+    Exit code: 0 evaluated, 2 not a policy that can be flown or wrong options, 3 could not write.
+    """
+    from hil.cli.evaluation import Request, evaluate_policy
+    from policies.flying.contract import ContractError
+
+    if heatmap is not None and heatmap.suffix != ".svg":
+        raise _fail(f"--heatmap {heatmap}: give a file that ends in .svg; the data goes beside it as .csv", USAGE)
+    request = Request(policy, episodes, stage, noise, hover, time_limit, motions, robust, heatmap, seed)
+    try:
+        found = evaluate_policy(request)
+    except (ContractError, ValueError, FileNotFoundError) as error:
+        raise _fail(str(error), USAGE) from None
+    except OSError as error:
+        raise _fail(f"{error.filename or heatmap}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
+    except KeyboardInterrupt:
+        raise _fail("stopped; nothing was evaluated to the end", 130) from None
+    if as_json:
+        print(json.dumps(found.data()))
+    else:
+        found.show()
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    app.command()(train)
+    app.command()(evaluate)
+
+
+def _fail(text: str, code: int) -> typer.Exit:
+    print(f"perch-hil: {text}", file=sys.stderr)
+    return typer.Exit(code)

@@ -1,0 +1,134 @@
+"""One training run as the command line asks for it: progress, Ctrl-C that saves, and what to do next."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from policies.training.learners.storage import TrainingError
+from policies.training.recipe import Recipe, load_recipe
+from policies.training.run import CURVE, PICTURE, run
+
+RECIPES = {"state": "imitate", "vision": "watch"}
+_LINE_EVERY = 30.0  # s between lines where there is no terminal
+_SAME_WISH = 1.0  # s: torchrun passes a Ctrl-C on to processes that have had it from the terminal
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line asked for."""
+
+    stage: str
+    recipe: str
+    seed: int
+    out: Path
+    resume: bool
+    parent: Path | None
+    device: str
+
+    def again(self) -> str:
+        """The command that goes on with this run."""
+        world = os.environ.get("WORLD_SIZE", "1")
+        words = ["perch-hil"] if world == "1" else ["torchrun", f"--nproc-per-node={world}", "-m", "hil"]
+        words += ["train", "--stage", self.stage, "--recipe", self.recipe, "--seed", str(self.seed)]
+        words += ["--out", str(self.out), "--device", self.device, "--resume"]
+        return shlex.join(words)
+
+
+class _Stop:
+    """True once somebody wants the run to end; a later Ctrl-C ends it at once, without saving."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._asked: float | None = None
+
+    def __call__(self) -> bool:
+        return self._asked is not None
+
+    def _ask(self, number: int, _frame: object) -> None:
+        if self._asked is None:
+            self._asked = time.monotonic()
+        elif number == signal.SIGINT and time.monotonic() - self._asked > _SAME_WISH:
+            raise KeyboardInterrupt
+        else:
+            return
+        if _first():
+            self._console.print(f"{signal.Signals(number).name}: saving after this iteration; once more to lose it")
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Catch Ctrl-C and SIGTERM within."""
+        before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+class _Display:
+    """A bar a phase on a terminal; elsewhere a line now and then."""
+
+    def __init__(self, console: Console, plan: Recipe) -> None:
+        text = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[told]}")
+        off = not console.is_terminal
+        self.progress = Progress(*text, TimeElapsedColumn(), TimeRemainingColumn(), console=console, disable=off)
+        kinds = [f"{k + 1}/{len(plan.phase)} {phase.kind}" for k, phase in enumerate(plan.phase)]
+        self._tasks = [self.progress.add_task(kind, total=1.0, told="", start=False) for kind in kinds]
+        self._console, self._kinds, self._told, self._success = console, kinds, 0.0, float("nan")
+        self._phase, self._from = -1, (0, 0.0)
+
+    def __call__(self, numbers: dict) -> None:
+        phase, samples, seconds = numbers["phase"], numbers["samples"], numbers["seconds"]
+        if phase != self._phase:
+            self._phase, self._from = phase, (samples, seconds)
+            for before in self._tasks[:phase]:
+                self.progress.update(before, completed=1.0)
+            self.progress.start_task(self._tasks[phase])
+        if numbers["success"] == numbers["success"]:
+            old = self._success
+            self._success = numbers["success"] if old != old else old + 0.1 * (numbers["success"] - old)
+        since = seconds - self._from[1]
+        rate = f", {(samples - self._from[0]) / since / 1e3:.1f} k/s" if since > 0.0 else ""
+        success = f"{100.0 * self._success:.1f} %" if self._success == self._success else "unknown yet"
+        told = f"{samples / 1e6:.2f} M samples, success {success}{rate}"
+        self.progress.update(self._tasks[phase], completed=numbers["share"], told=told)
+        if self.progress.disable and time.monotonic() - self._told > _LINE_EVERY:
+            self._told = time.monotonic()
+            self._console.print(f"{self._kinds[phase]} {100.0 * numbers['share']:.1f} %, {told}", highlight=False)
+
+
+def _first() -> bool:
+    """False in all but one of several processes."""
+    return os.environ.get("RANK", "0") == "0"
+
+
+def train_policy(request: Request) -> int:
+    """Train as asked; returns the exit code. Raises RecipeError, TrainingError and ContractError."""
+    plan = load_recipe(request.recipe)
+    resume, out = request.resume, request.out
+    if not resume and any(out.glob("checkpoint*.pt")):
+        raise TrainingError(f"{out} holds a run already: go on with it by --resume, or give another --out")
+    console = Console(stderr=True, soft_wrap=True)
+    stop, display = _Stop(console), _Display(console, plan)
+    if _first():
+        console.print(f"{plan.title}: {request.stage} stage, seed {request.seed}, into {out}", highlight=False)
+    with stop.listening(), display.progress:
+        where = (request.stage, plan, request.seed, out, resume, request.device, request.parent)
+        policy = run(*where, progress=display, stop=stop)
+    if not _first():
+        return 130 if stop() else 0
+    if stop():
+        print(f"saved; go on with:\n  {request.again()}")
+        return 130
+    print(f"policy  {policy}\ncurve   {out / PICTURE} ({CURVE} beside it)\nnext    perch-hil evaluate {policy}")
+    return 0

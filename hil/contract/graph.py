@@ -1,0 +1,40 @@
+"""A run's nodes, checked against the contract before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hil.contract.node import Node
+from hil.contract.topics import TOPICS, may_read
+
+
+class GraphError(ValueError):
+    """The nodes do not fit the contract."""
+
+
+def check_graph(nodes: Sequence[Node]) -> None:
+    """Every topic known, every input allowed and produced by somebody, every topic (but events) produced once.
+
+    Raises GraphError naming the node and the topic: above all when a node of the policy slot asks for the car's truth.
+    """
+    producers: dict[str, str] = {}
+    for node in nodes:
+        for topic in (*node.inputs, *node.outputs):
+            if topic not in TOPICS:
+                raise GraphError(
+                    f"node {node.name!r} names topic {topic!r}, which hil/contract/topics.py does not list"
+                )
+        for topic in node.outputs:
+            if topic != "event" and topic in producers:
+                raise GraphError(f"topic {topic!r} is published by both {producers[topic]!r} and {node.name!r}")
+            producers[topic] = node.name
+    for node in nodes:
+        for topic in node.inputs:
+            if not may_read(node.name, topic):
+                readers = ", ".join(TOPICS[topic].readers) or "nobody"
+                raise GraphError(f"node {node.name!r} may not read {topic!r}: the contract allows {readers}")
+            if topic not in producers:
+                raise GraphError(f"node {node.name!r} reads {topic!r}, which no node of this graph publishes")
+        for topic in node.wakes:
+            if topic not in node.inputs:
+                raise GraphError(f"node {node.name!r} wakes on {topic!r} without reading it")

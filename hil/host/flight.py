@@ -1,0 +1,147 @@
+"""One flight: scenario + rig + policy + seed -> a run folder, in the lockstep host."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from hil.assembly.rig import Rig
+from hil.assembly.simulation import Simulation, build
+from hil.contract.graph import check_graph
+from hil.contract.messages import Event, Stage
+from hil.host.lockstep import Clock, Lockstep, Tap
+from hil.recording.foxglove import FoxgloveView
+from hil.recording.provenance import Code
+from hil.recording.receipts import ReceiptBook, Receipted
+from hil.recording.recorder import Recorder
+from hil.recording.runs import Run, new_run, policy_identity
+from hil.scoring.score import Score, Scorer
+from policies.flying.onnx_policy import FlyingPolicy
+from scenarios.draw import draw
+from scenarios.spec import Scenario
+
+Progress = Callable[[int, str], None]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What one flight left: its score, its folder, and how fast its attempt ran against virtual time."""
+
+    score: Score
+    run: Run
+    real_time_factor: float | None
+    failure: str  # why no attempt took place; empty if one did
+    counters: Mapping[str, int]  # what was rejected or dropped on the way
+    interrupted: bool
+
+
+class _Watch:
+    """A tap that notes when the attempt began and what went wrong, for the console and the real-time factor."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._next_ns = 0
+        self._wall = 0.0
+        self._virtual_ns = 0
+        self.stage = "prepare"
+        self.errors: list[str] = []
+        self.real_time_factor: float | None = None
+
+    def __call__(self, now_ns: int, topic: str, message: Any) -> None:
+        if topic == "event":
+            event: Event = message
+            if event.severity == "error":
+                self.errors.append(event.text)
+        elif topic == "run/stage":
+            stage: Stage = message
+            if stage.name != self.stage:
+                if stage.name == "lead" or (stage.name == "attempt" and not self._virtual_ns):
+                    self._wall, self._virtual_ns = time.perf_counter(), now_ns
+                self.stage = stage.name
+            if now_ns >= self._next_ns:
+                self._next_ns = now_ns + 200_000_000
+                self._progress(now_ns, self.stage)
+
+    def finish(self, now_ns: int) -> None:
+        if self._virtual_ns and now_ns > self._virtual_ns:
+            self.real_time_factor = (now_ns - self._virtual_ns) * 1e-9 / (time.perf_counter() - self._wall)
+
+
+def fly(
+    scenario: Scenario,
+    rig: Rig,
+    policy: FlyingPolicy,
+    seed: int,
+    *,
+    policy_name: str,
+    rig_name: str,
+    pictures: str,
+    out: Path,
+    code: Code,
+    progress: Progress,
+    clearance: Mapping[str, Any] | None = None,
+    viewer: Tap | None = None,
+) -> Flight:
+    """Fly one seed. An interruption (Ctrl-C) closes the recording and is reported in the result, not raised.
+
+    `viewer` sees every message too.
+
+    Raises RunError, ProvenanceError or RecordingError if the run cannot be kept: such a run does not take off.
+    """
+    drawn = draw(scenario, seed)
+    clock = Clock()
+    simulation = build(scenario, rig, drawn, policy, clock)
+    check_graph(simulation.nodes)
+    run = new_run(
+        out,
+        scenario={**scenario.model_dump(mode="json"), "name": scenario.name},
+        rig={**rig.model_dump(mode="json"), "name": rig_name},
+        seed=seed,
+        host="lockstep",
+        policy=policy_identity(policy_name),
+        simulated=rig.simulated,
+        started_utc=datetime.now(UTC),
+        code=code,
+        more={"clearance": dict(clearance or {})},
+    )
+    scorer, watch = Scorer(scenario, seed), _Watch(progress)
+    state, now_ns, wall = "failed", 0, time.perf_counter()
+    try:
+        view = FoxgloveView(simulation.camera, pictures, scenario.board.size)
+        book = ReceiptBook(run.path / "receipts.mcap", simulation.nodes)
+        with closing(book), Recorder(run.recording, view=view) as recorder:
+
+            def tap(now: int, topic: str, message: Any) -> None:
+                recorder(now, topic, message)
+                scorer(now, topic, message)
+                watch(now, topic, message)
+                if viewer is not None:
+                    viewer(now, topic, message)
+
+            host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
+            try:
+                now_ns = host.run(lambda _: simulation.director.stage == "ended")
+                state = "finished"
+            except KeyboardInterrupt:
+                now_ns, state = clock.now_ns, "interrupted"
+            watch.finish(now_ns)
+    finally:
+        for node in simulation.nodes:
+            node.close()
+        score = scorer.result()
+        run.write_score(score.as_dict())
+        run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall, virtual_s=now_ns * 1e-9)
+    failure = _failure(simulation, watch) if state == "finished" else ""
+    return Flight(score, run, watch.real_time_factor, failure, simulation.counters(), state == "interrupted")
+
+
+def _failure(simulation: Simulation, watch: _Watch) -> str:
+    if not simulation.director.failure:
+        return ""
+    details = [text for text in watch.errors if text != simulation.director.failure]
+    return "; ".join([simulation.director.failure, *details[-2:]])

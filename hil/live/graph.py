@@ -1,0 +1,38 @@
+"""The graph of a live run, as its services have built it, held against the contract before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from hil.contract.graph import check_graph
+from hil.contract.node import Inbox, Node, Out
+
+
+class Declared(NamedTuple):
+    """What a node of another process says of itself: enough of a node to be checked, not to be stepped."""
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    wakes: tuple[str, ...]
+    period_ns: int
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        raise NotImplementedError(f"{self.name} runs in another process")
+
+    def close(self) -> None:
+        pass
+
+
+def declare(nodes: Iterable[Node]) -> list[list[Any]]:
+    """The nodes of one service as a table that JSON can carry, for the health that it says."""
+    return [[n.name, list(n.inputs), list(n.outputs), list(n.wakes), n.period_ns] for n in nodes]
+
+
+def check_live_graph(health: Mapping[str, Mapping[str, Any]], services: Sequence[str]) -> None:
+    """Raises GraphError if the nodes that `services` have declared in their health do not fit the contract."""
+    rows = [row for service in services for row in health.get(service, {}).get("graph", ())]
+    check_graph(
+        [Declared(name, tuple(reads), tuple(tells), tuple(wakes), period) for name, reads, tells, wakes, period in rows]
+    )

@@ -1,0 +1,46 @@
+"""The hub's process: routes, tells its clock, and ends with whoever started it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from typing import Any
+
+from hil.bus.keys import access_control
+from hil.bus.leaf import Credentials, open_hub
+from hil.live.liveness import Presence
+from hil.live.spec import LiveSpec
+
+_LAST_WORDS_S = 25.0  # the leaves notice by themselves, come to their safe state, and are recorded until then
+
+
+def hub(spec: LiveSpec) -> int:
+    """Serve until SIGTERM, or until the parent process is gone. Raises BusError if the endpoint cannot be had."""
+    access = access_control(spec.services()) if spec.keys is not None else None
+    serve_hub(spec.endpoint, spec.credentials("hub"), access, with_parent=True)
+    return 0
+
+
+def serve_hub(
+    endpoint: str, credentials: Credentials | None, access: dict[str, Any] | None, *, with_parent: bool
+) -> None:
+    """The same on any endpoint."""
+    done, parent, presence = threading.Event(), os.getppid(), Presence()
+
+    def orphaned() -> bool:
+        return with_parent and os.getppid() != parent
+
+    def stop(*_: object) -> None:
+        if not (
+            with_parent and presence.orphaned_soon()
+        ):  # the signal tells of the parent's death, and the leaves still have to land
+            done.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, stop)
+    with open_hub(endpoint, credentials, access):
+        while not done.wait(0.5):
+            if orphaned():
+                done.wait(_LAST_WORDS_S)
+                return

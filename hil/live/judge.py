@@ -1,0 +1,55 @@
+"""What a live run amounts to, from its recording and its services' last words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hil.assembly.plan import Plan
+from hil.live.latency import latencies
+from hil.live.latency import table as latency_table
+from hil.live.load import load_now, load_table
+from hil.recording.reader import ReadError, Recording
+from hil.recording.runs import Run
+from hil.scoring.score import Score, Scorer, score_messages
+
+_SCORED = (
+    "run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent", "policy/action",
+)  # fmt: skip
+
+
+class Ended:
+    """How a run ended."""
+
+    def __init__(self) -> None:
+        self.interrupted = False
+        self.trouble = self.failure = ""
+        self.stage = "prepare"
+        self.health: dict[str, dict[str, Any]] = {}
+        self.remarks: list[str] = []
+        self.before = self.after = load_now()
+
+
+def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[str, Any]]:
+    """Score and time-keeping from what was recorded."""
+    try:
+        recording = Recording(run.recording)
+        messages = list(recording.messages([t for t in _SCORED if "/perch/" + t in recording.topics]))
+        score = score_messages(plan.scenario, seed, messages)
+        latency = latency_table(latencies(messages))
+    except ReadError as error:
+        ended.trouble = ended.trouble or str(error)
+        score, latency = Scorer(plan.scenario, seed).result(), {"count": 0}
+    slot = plan.rig.camera
+    table = {
+        "ended": {"trouble": ended.trouble, "interrupted": ended.interrupted, "stage": ended.stage},
+        "exposure_to_action": latency,
+        "of_it_exposure_and_transport_ms": slot.exposure_ms / 2 + slot.transport_ms if slot.kind == "sim" else None,
+        **load_table(ended.before, ended.after),
+        "remarks": ended.remarks,
+        "services": {name: _words(one) for name, one in sorted(ended.health.items())},
+    }
+    return score, table
+
+
+def _words(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if key not in ("heard_ns", "service", "outputs", "memory")}

@@ -1,0 +1,113 @@
+"""Entry point of one process of a live run: `python -m hil.live.main SPEC SERVICE`."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from types import FrameType
+
+from hil.assembly.builder import Assembly
+from hil.assembly.simulation import counters
+from hil.bus.clock import DateWatch
+from hil.bus.leaf import Bus, BusError
+from hil.live.liveness import Presence
+from hil.live.priority import take_priority
+from hil.live.process import PARENT, die_with_parent
+from hil.live.run_clock import RunTime
+from hil.live.service import LiveService
+from hil.live.spec import LiveSpec
+from hil.live.warm_up import warm_up
+from hil.live.wires import LiveWires
+from hil.recording.receipts import ReceiptBook
+from hil.recording.recorder import RecordingError
+from hil.wires import WireError
+
+COULD_NOT_RUN = 3
+_PATIENCE_S = 40.0  # more than anybody takes to reach the safe state
+
+
+def last_resort(patience_s: float = _PATIENCE_S) -> None:
+    """End a process that hangs although its parent has been gone for `patience_s`: nobody is left to do it."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        time.sleep(patience_s)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool = False, wait_s: float = 10.0) -> int:
+    """Drive nodes `names` as `service` until stopped; returns the exit code. `remote`: started by hand, for a run of
+    another host, whose hub may take `wait_s` to come up."""
+    sys.setswitchinterval(2e-4)  # a thread of the bus may not wait 5 ms for the interpreter
+    plan = spec.plan()
+    drawn = spec.draw(plan)
+    warm_up(plan, drawn, names)
+    wires = LiveWires(plan.rig, spec.ports)
+    assembly = Assembly(
+        plan.scenario, plan.rig, drawn, plan.make_policy, wires, time.monotonic_ns, unix_ns=time.time_ns()
+    )
+    presence = Presence(remote=remote)
+    nodes = [assembly.node(name) for name in names]
+    take_priority(service)  # only now, all this may take its time; and before the bus, whose thread is to have it too
+    with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s) as bus:
+        run_time = RunTime(bus.clock(), DateWatch() if remote else None)
+        book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
+        live = LiveService(
+            service, nodes, bus, run_time, presence=presence, book=book, trouble=lambda: wires.trouble,
+            counters=lambda: counters(nodes), serves=spec.digest(plan), descriptors=wires.descriptors,
+        )  # fmt: skip
+
+        def stop(_: int, __: FrameType | None) -> None:
+            if presence.gone() or presence.orphaned_soon():  # what flies is brought to its safe state first
+                live.orphaned()
+            else:
+                live.stop()
+
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, stop)
+        gc.collect()
+        gc.freeze()
+        try:
+            if live.wait_for_go():
+                live.run()
+        finally:
+            live.close()
+            wires.close()
+    return COULD_NOT_RUN if live.lost else 0
+
+
+def main() -> int:
+    """Read the spec and serve."""
+    if not die_with_parent(int(os.environ.get(PARENT, os.getppid()))):
+        sys.exit(COULD_NOT_RUN)
+    last_resort()
+    service = sys.argv[2]
+    try:
+        spec = LiveSpec.read(Path(sys.argv[1]))
+        if service == "recorder":
+            take_priority(service)
+            from hil.live.recorder import record
+
+            return record(spec)
+        if service == "hub":
+            take_priority(service)
+            from hil.live.hub import hub
+
+            return hub(spec)
+        return serve(spec, service, spec.services()[service])
+    except (BusError, WireError, RecordingError, ValueError, OSError) as error:  # OSError: also no answer in time
+        print(f"perch-hil: {service}: {error}", file=sys.stderr, flush=True)
+        return COULD_NOT_RUN
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+"""The recorder's process: every message of the contract from the bus into run.mcap, in the order of publication.
+
+Messages of different processes arrive a little out of order: they wait a moment, are sorted by the publisher's time,
+and written. What comes later than that moment is written with the time it could still have, and counted.
+"""
+
+from __future__ import annotations
+
+import gc
+import heapq
+import os
+import signal
+import sys
+import time
+from types import FrameType
+from typing import Any
+
+from hil.assembly.sensing import mounted_cameras
+from hil.bus.leaf import CONTROL, HEALTH, Bus, Letter, Mailbox
+from hil.contract.topics import TOPICS
+from hil.live.liveness import Presence, footprint
+from hil.live.run_clock import RunTime
+from hil.live.spec import LiveSpec
+from hil.recording.foxglove import FoxgloveView
+from hil.recording.recorder import Recorder
+from hil.recording.runs import write_json
+from vehicle.quadrotor.airframe import load_airframe
+
+SETTLE_NS = 250_000_000  # how long a message waits for older ones
+_TURN_S, _TELL_S = 0.02, 0.5
+_PREVIEW_NS = 58_000_000  # pictures that come sooner after each other are no part of a 15 Hz preview
+_WITNESS_S = 22.0  # recorded after the supervisor is gone: everybody has come to the safe state by then
+
+
+class Sorter:
+    """Letters in, (time, letter) out, times never decreasing. `late` counts those too late for their place."""
+
+    def __init__(self, settle_ns: int = SETTLE_NS) -> None:
+        self._settle_ns, self._heap = settle_ns, []
+        self._serial = self._written_ns = self.late = 0
+
+    def add(self, letter: Letter) -> None:
+        self._serial += 1
+        heapq.heappush(self._heap, (letter.published_ns, self._serial, letter))
+
+    def take(self, now_ns: int | None) -> list[tuple[int, Letter]]:
+        """What has waited long enough at `now_ns`; everything for None."""
+        ready = []
+        while self._heap and (now_ns is None or self._heap[0][0] <= now_ns - self._settle_ns):
+            published_ns, _, letter = heapq.heappop(self._heap)
+            if published_ns < self._written_ns:
+                self.late += 1
+            self._written_ns = max(self._written_ns, published_ns)
+            ready.append((self._written_ns, letter))
+        return ready
+
+
+class Ending:
+    """When to end: once asked to, or long enough after everybody is gone that the safe state is in the recording."""
+
+    def __init__(self) -> None:
+        self.due, self._alone_s = False, 0.0
+
+    def ask(self) -> None:
+        """End (safe in a signal handler). Nothing takes it back."""
+        self.due = True
+
+    def look(self, alone: bool, now_s: float) -> None:
+        """Note whether somebody is still there to say when to end."""
+        if alone:
+            self._alone_s = self._alone_s or now_s
+            self.due = self.due or now_s - self._alone_s > _WITNESS_S
+
+
+def record(spec: LiveSpec) -> int:
+    """Record until stopped. Raises RecordingError if that is not possible, BusError without a hub."""
+    assert spec.folder is not None
+    plan = spec.plan()
+    camera = mounted_cameras(plan.rig.camera, load_airframe(plan.rig.vehicle.airframe), spec.draw(plan))[1]
+    view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
+    # it has time and much to do: each hand-over of the interpreter costs a wait for the processor on a busy machine
+    sys.setswitchinterval(2e-2)
+    state, presence, ending = {"orders": [], "told": 0.0}, Presence(), Ending()
+    period_ns = _PREVIEW_NS if spec.pictures == "preview" else 0
+    mailbox = Mailbox(depth=8192, pictures=60, urgent=(), picture_period_ns=period_ns)
+    sorter, seen = Sorter(), _Seen()
+
+    def stop(_: int, __: FrameType | None) -> None:
+        if not presence.orphaned_soon():  # else the signal tells of the parent's death, and others still land
+            ending.ask()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, stop)
+
+    def take(order: dict[str, Any]) -> None:
+        presence.heard()
+        state["orders"].append(order)
+
+    def tell(bus: Bus, what: str, at_most_every_s: float = 0.0) -> bool:
+        if time.monotonic() - state["told"] < at_most_every_s:
+            return False
+        state["told"] = time.monotonic()
+        table = {"service": "recorder", "pid": os.getpid(), "state": what, "late": sorter.late, "nodes": {}}
+        table |= {"lost": dict(mailbox.lost), "dropped": dict(mailbox.dropped), **footprint()}
+        bus.say(HEALTH + "recorder", table)
+        return True
+
+    with (
+        Recorder(spec.folder / "run.mcap", view=view) as recorder,
+        Bus(spec.endpoint, spec.credentials("recorder"), timeout_s=10.0) as bus,
+    ):
+        wanted = [t for t, row in TOPICS.items() if row.recorded and (t != "camera/image" or spec.pictures != "none")]
+        bus.subscribe("recorder", wanted, mailbox)
+        bus.hear(CONTROL, take)
+        run_time = RunTime(bus.clock())
+        gc.collect()
+        gc.freeze()  # a look at everything that was imported takes a tenth of a second
+        while not ending.due:
+            time.sleep(_TURN_S)
+            for order in _orders(state["orders"]):
+                if order.get("order") == "go":
+                    run_time.begin(int(order["epoch_ns"]))
+                elif order.get("order") == "stop" and order.get("service") == "recorder":
+                    ending.ask()
+            for letter in mailbox.drain():
+                seen.note(letter)
+                sorter.add(letter)
+            if run_time.begun:
+                for now, letter in sorter.take(run_time.now()):
+                    recorder(now, letter.topic, letter.message)
+                    tell(bus, "running", _TELL_S)  # busy with much at once is not dead
+            if tell(bus, "running" if run_time.begun else "ready", _TELL_S):
+                ending.look(bool(presence.gone()), state["told"])
+        for letter in mailbox.drain():
+            seen.note(letter)
+            sorter.add(letter)
+        for now, letter in sorter.take(None):
+            recorder(now, letter.topic, letter.message)
+        recorder.close()  # before the bus, which takes its time where the hub is gone
+        write_json(spec.folder / "numbers.json", seen.table())
+        tell(bus, "stopped")
+    return 0
+
+
+class _Seen:
+    """Which numbers of each topic were recorded: the first, and what is missing after it."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, int] = {}
+        self._next: dict[str, int] = {}
+        self._missing: dict[str, list[int]] = {}
+
+    def note(self, letter: Letter) -> None:
+        if letter.topic == "event":  # several publishers, and nobody's input
+            return
+        if letter.topic not in self._first:
+            self._first[letter.topic] = letter.sequence
+        else:
+            self._missing.setdefault(letter.topic, []).extend(range(self._next[letter.topic], letter.sequence))
+        self._next[letter.topic] = letter.sequence + 1
+
+    def table(self) -> dict[str, Any]:
+        return {
+            topic: {"first": first, "missing": self._missing.get(topic, [])} for topic, first in self._first.items()
+        }
+
+
+def _orders(waiting: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    taken = waiting[:]
+    del waiting[: len(taken)]
+    return taken

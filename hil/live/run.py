@@ -1,0 +1,204 @@
+"""One live run: hub, recorder, services, supervisor, and the same run folder as in lockstep at the end."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from hil.assembly.plan import Plan
+from hil.bus.clock import Clock, DateWatch
+from hil.bus.leaf import Bus
+from hil.contract.graph import GraphError
+from hil.contract.messages import Event
+from hil.host.flight import Flight
+from hil.live.ending import TURN_S, await_drivers, bring_down
+from hil.live.graph import check_live_graph
+from hil.live.judge import Ended, judge
+from hil.live.load import load_now
+from hil.live.orphaned import remove_orphaned_memory
+from hil.live.run_clock import clock_lines
+from hil.live.run_events import Ear
+from hil.live.spec import LiveSpec, services
+from hil.live.supervisor import Supervisor, SupervisorError
+from hil.live.wires import free_ports
+from hil.recording.provenance import Code
+from hil.recording.runs import new_run, policy_identity, write_json
+
+_OVERTIME_S = 150.0  # prepare and margin on top of the scenario's lead and time limit
+
+
+@dataclass(frozen=True)
+class LiveFlight:
+    """A flight, and how the processes kept time."""
+
+    flight: Flight
+    summary: dict[str, Any]
+
+
+def fly_live(
+    plan: Plan,
+    names: dict[str, Any],
+    seed: int,
+    *,
+    pictures: str,
+    out: Path,
+    code: Code,
+    progress: Callable[[int, str], None],
+    keys: Path | None = None,
+    remote: tuple[str, ...] = (),
+    endpoint: str | None = None,
+    clearance: Mapping[str, Any] | None = None,
+    watch: Callable[[Supervisor], object] = lambda _: None,
+) -> LiveFlight:
+    """Fly one seed in real time. `names`: scenario, rig, policy and camera as the user gave them, for the processes.
+
+    Services in `remote` (or the hub) are not started here but awaited; `keys`, a folder of `perch-hil keys`, closes the
+    bus to everybody else; `watch` is called many times a second during the run. An interruption (Ctrl-C) brings
+    everything to its safe state, closes the recording and is reported in the result. Raises RunError, ProvenanceError
+    or SupervisorError if the run cannot take place or cannot be kept: such a run does not take off.
+    """
+    run = new_run(
+        out,
+        scenario={**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name},
+        rig={**plan.rig.model_dump(mode="json"), "name": Path(names["rig"]).stem},
+        seed=seed,
+        host="live",
+        policy=policy_identity(plan.policy_name),
+        simulated=plan.rig.simulated,
+        started_utc=datetime.now(UTC),
+        code=code,
+        more={"clearance": dict(clearance or {})},
+    )
+    endpoint = endpoint or f"{'tcp' if keys is None else 'tls'}/127.0.0.1:{_free_port()}"
+    logs = run.path / "live"
+    logs.mkdir()
+    spec = LiveSpec(
+        **names, seed=seed, endpoint=endpoint, ports=free_ports(), pictures=pictures,
+        folder=run.path.resolve(), keys=keys,
+    )  # fmt: skip
+    spec.write(logs / "spec.json")
+    wall, state = time.perf_counter(), "failed"
+    ended = Ended()
+    supervisor = Supervisor(logs / "spec.json", endpoint, logs, remote, spec.digest(plan))
+    try:
+        with supervisor:
+            try:
+                _fly(supervisor, spec, plan, progress, ended, remote, watch)
+            finally:
+                supervisor.stop()
+                ended.health = supervisor.health
+                ended.remarks += supervisor.remarks
+                killed = [remark for remark in supervisor.remarks if remark.startswith("recorder had to be stopped")]
+                if killed and killed[0].endswith("SIGKILL") and not ended.interrupted:
+                    ended.trouble = ended.trouble or f"{killed[0]}: the recording lacks its end"
+        state = "interrupted" if ended.interrupted else "failed" if ended.trouble else "finished"
+    finally:
+        leaked = remove_orphaned_memory(supervisor.memory)
+        score, table = judge(run, plan, seed, ended)
+        table["shared_memory_removed"] = len(leaked)
+        write_json(run.path / "live.json", table)
+        run.write_score(score.as_dict())
+        run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall)
+    counters: dict[str, int] = {}
+    for one in ended.health.values():
+        for name, count in one.get("counters", {}).items():
+            counters[name] = counters.get(name, 0) + count
+    flight = Flight(score, run, None, ended.trouble or ended.failure, counters, ended.interrupted)
+    return LiveFlight(flight, table)
+
+
+def _fly(
+    supervisor: Supervisor,
+    spec: LiveSpec,
+    plan: Plan,
+    progress: Callable[[int, str], None],
+    ended: Ended,
+    remote: tuple[str, ...],
+    watch: Callable[[Supervisor], object],
+) -> None:
+    """Start, watch, and bring down; what happened is noted in `ended`."""
+    wanted = list(services(plan.rig))
+    ear: Ear | None = None
+    try:
+        try:
+            if "hub" not in remote:
+                supervisor.start("hub")
+            bus = supervisor.connect(spec.credentials("supervisor"))
+            ear = Ear(bus, progress)
+            supervisor.start("recorder")
+            for service in wanted:
+                if service not in remote:
+                    supervisor.start(service)
+            supervisor.wait_ready(
+                ["recorder", *wanted], waiting=lambda missing: progress(0, f"waiting for {', '.join(missing)}")
+            )
+            _check_graph(supervisor, wanted)
+            ended.before = load_now()
+            hub_clock, date = _hub_clock(bus), DateWatch()
+            started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns)
+
+            def tell(severity: str, text: str) -> None:
+                now_ns = time.monotonic_ns() - started_ns
+                bus.publish(now_ns, "event", Event(now_ns, severity, "supervisor", text))
+
+            for service in remote:
+                for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
+                    tell("info", line)
+            limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
+            while ear.stage != "ended":
+                time.sleep(TURN_S)
+                supervisor.beat()
+                ear.listen()
+                watch(supervisor)
+                stepped = date.text()
+                if stepped:
+                    ended.remarks.append(stepped)
+                    tell("warning", stepped)
+                ended.trouble = supervisor.trouble()
+                if not ended.trouble and time.monotonic() > limit:
+                    ended.trouble = f"the run did not end in time (stage {ear.stage})"
+                if ended.trouble:
+                    break
+        except KeyboardInterrupt:
+            ended.interrupted = True
+        if ended.trouble or ended.interrupted:
+            if ear is not None:
+                bring_down(supervisor, ended)
+        elif not plan.rig.simulated:
+            await_drivers(supervisor)
+        if ear is not None:
+            ear.listen()
+            ended.stage = ear.stage
+            ended.failure = ear.failure(troubled=bool(ended.trouble))
+        ended.after = load_now()
+    finally:
+        if ear is not None:
+            ear.close()
+
+
+def _check_graph(supervisor: Supervisor, wanted: list[str]) -> None:
+    try:
+        check_live_graph(supervisor.health, wanted)
+    except GraphError as error:
+        raise SupervisorError(str(error)) from None
+
+
+def _hub_clock(bus: Bus) -> Clock:
+    try:
+        return bus.clock().measure()
+    except TimeoutError as error:
+        raise SupervisorError(str(error)) from None
+
+
+def _free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+__all__ = ["LiveFlight", "SupervisorError", "fly_live"]

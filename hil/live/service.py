@@ -1,0 +1,228 @@
+"""The live host: one process drives a few nodes in real time, over the bus. Deadlines are absolute; late steps count.
+
+The nodes and their deadlines are in `live_seats`; here is what the process itself does: it waits for letters and wires,
+takes orders, tells its health, and brings what it drives to the safe state when it is told to or left to itself.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from hil.bus.leaf import CONTROL, HEALTH, Bus, Mailbox
+from hil.contract.messages import Event
+from hil.contract.node import Node
+from hil.live.graph import declare
+from hil.live.liveness import Presence, footprint
+from hil.live.priority import AtWork
+from hil.live.run_clock import RunTime
+from hil.live.schedule import Seats
+from hil.recording.receipts import ReceiptBook
+
+_WIRE_REST_NS = 1_000_000  # a flood on a wire may not keep its driver busy
+_HEALTH_NS = 500_000_000
+_IDLE_NS = 100_000_000
+_SAFE_LIMIT_NS = 20_000_000_000
+# Where in a period of 4 or 10 ms a service has its deadlines: not all at 0, where they would want the cores at once,
+# and who reads the motion capture after it has told. What it brings to latency was not measured apart.
+_FIRST_NS = {
+    "mocap": 1_000_000, "car_device": 2_000_000, "car": 3_000_000, "vehicle_link": 5_000_000, "referee": 7_000_000,
+}  # fmt: skip
+_LINGER_NS = 2_000_000_000  # zero speed has to be sent, and an autopilot says only once a second that it is disarmed
+
+
+class LiveService:
+    """Drives `nodes` until told to stop. `trouble` names wires that went away; `counters` what was rejected."""
+
+    def __init__(
+        self,
+        name: str,
+        nodes: Sequence[Node],
+        bus: Bus,
+        run_time: RunTime,
+        *,
+        presence: Presence | None = None,
+        book: ReceiptBook | None = None,
+        trouble: Callable[[], list[str]] = list,
+        counters: Callable[[], dict[str, int]] = dict,
+        serves: str = "",
+        descriptors: Mapping[int, str] | None = None,
+    ) -> None:
+        """`presence` watches for the supervisor; `serves` is the digest of the run that this process was built for.
+
+        `descriptors`: of wires that wake a node, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
+        """
+        self.name, self._bus, self._time, self._serves = name, bus, run_time, serves
+        self._presence = presence or Presence()
+        self._trouble, self._counters = trouble, counters
+        wires = descriptors or {}
+        self._seats = Seats(
+            nodes, self._publish, run_time.now, book=book, wired=set(wires.values()), at_work=AtWork(name)
+        )
+        ranks = {node.name: rank for rank, node in enumerate(nodes)}
+        self._wired = {fd: ranks[node] for fd, node in wires.items() if node in ranks}
+        self._quiet_ns = dict.fromkeys(self._wired, 0)  # until then a wire does not wake its node again
+        self._mailbox = Mailbox(urgent=self._seats.urgent)
+        produced = {topic for node in nodes for topic in node.outputs}
+        for node in nodes:  # what is made in this process is handed over in it
+            bus.subscribe(node.name, [t for t in node.inputs if t not in produced], self._mailbox)
+        bus.announce(sorted(produced))
+        self._orders: list[dict[str, Any]] = []
+        bus.hear(CONTROL, self._order)
+        self._health_ns = 0
+        self._stop = self._gone = False
+        self._abort_ns: int | None = None
+        self._safe_ns: int | None = None
+        self._why = ""
+        self._said: set[str] = set()
+
+    def _order(self, table: dict[str, Any]) -> None:
+        self._presence.heard()
+        if table.get("order") != "watch":
+            self._orders.append(table)
+            self._mailbox.wake()
+
+    def stop(self) -> None:
+        """End as soon as the step under way is done (safe in a signal handler)."""
+        self._stop = True
+        self._mailbox.wake()
+
+    @property
+    def lost(self) -> bool:
+        """Whether it ended because nobody was there any more."""
+        return self._gone
+
+    def orphaned(self) -> None:
+        """The supervisor is gone: look into it at once (safe in a signal handler)."""
+        self._health_ns = 0
+        self._mailbox.wake()
+
+    def wait_for_go(self) -> bool:
+        """Say "ready" until the supervisor gives the run's start. False if told to stop, or if nobody is there to."""
+        while not self._stop:
+            self._time.tick()
+            self._tell(0, "ready")
+            self._mailbox.wait(_IDLE_NS)
+            for order in self._take_orders():
+                if order.get("order") == "go":
+                    self._time.begin(int(order["epoch_ns"]))
+            if self._time.begun:
+                self._mailbox.drain()
+                self._mailbox.lost.clear()
+                return True
+            if self._presence.gone():
+                self._gone = True
+                return False
+        return False
+
+    def run(self) -> None:
+        """Step the nodes from the run's start until stopped, aborted or orphaned."""
+        self._seats.begin(_FIRST_NS.get(self.name, 0))
+        # Each service tells its health at a moment of its own: all at once they held pictures up by 4 ms
+        self._health_ns = zlib.crc32(self.name.encode()) % _HEALTH_NS
+        while not self._stop:
+            now = self._now()
+            due = self._seats.due_ns(self._health_ns)
+            resting = [quiet_ns for quiet_ns in self._quiet_ns.values() if quiet_ns > now]
+            due = min([due, *resting])
+            listening = [fd for fd, quiet_ns in self._quiet_ns.items() if quiet_ns <= now]
+            self._turn(self._mailbox.wait(due - now, listening) if due > now else [])
+
+    def _turn(self, woken: Sequence[int] = ()) -> None:
+        for order in self._take_orders():
+            if order.get("order") == "abort" and self._abort_ns is None:
+                self._abort(str(order.get("why", "")))
+        self._seats.receive(self._mailbox.drain())
+        for fd in woken:
+            now = self._now()
+            self._quiet_ns[fd] = now + _WIRE_REST_NS
+            self._seats.step(self._wired[fd], now)
+        self._seats.catch_up()
+        now = self._now()
+        if now >= self._health_ns:
+            self._health_ns = now + _HEALTH_NS
+            self._look_around(now)
+        if self._gone and self._safe(now):
+            self._stop = True
+
+    def _look_around(self, now_ns: int) -> None:
+        self._time.tick()
+        self._tell(now_ns, "aborted" if self._abort_ns is not None else "running")
+        for text in self._trouble():
+            self._complain(now_ns, "error", text)
+        for text in self._time.remarks():
+            self._complain(now_ns, "warning", text)
+        gone = self._presence.gone()
+        if gone and not self._gone:
+            self._gone = True
+            self._abort(gone)
+
+    def _abort(self, why: str) -> None:
+        """Bring every node that has something to make safe to its safe state."""
+        if self._abort_ns is None:
+            self._abort_ns, self._why = self._now(), why
+            print(f"{self.name}: aborted at {self._abort_ns / 1e9:.3f} s: {why}", flush=True)
+        for node in self._seats.nodes:
+            make_safe = getattr(node, "abort", None)
+            if make_safe is not None:
+                make_safe(why)
+
+    def _nodes_safe(self) -> bool:
+        return all(getattr(node, "safe", True) for node in self._seats.nodes)
+
+    def _safe(self, now_ns: int) -> bool:
+        """Nothing here has to be flown on: everything has been safe for a while, or has had its time to become so."""
+        if not self._nodes_safe():
+            self._safe_ns = None
+        elif self._safe_ns is None:
+            self._safe_ns = now_ns
+        settled = self._safe_ns is not None and now_ns - self._safe_ns > _LINGER_NS
+        return settled or now_ns - (now_ns if self._abort_ns is None else self._abort_ns) > _SAFE_LIMIT_NS
+
+    def _now(self) -> int:
+        return self._time.now()
+
+    def _take_orders(self) -> list[dict[str, Any]]:
+        orders = []
+        while self._orders:
+            order = self._orders.pop(0)
+            if order.get("service") not in (None, self.name):
+                continue
+            if order.get("order") == "stop":
+                self._stop = True
+            orders.append(order)
+        return orders
+
+    def _publish(self, topic: str, message: Any) -> int:
+        return self._bus.publish(self._now(), topic, message)
+
+    def _complain(self, now_ns: int, severity: str, text: str) -> None:
+        if text not in self._said:
+            self._said.add(text)
+            self._bus.publish(now_ns, "event", Event(now_ns, severity, self.name, text))
+
+    def _tell(self, now_ns: int, state: str) -> None:
+        self._bus.say(HEALTH + self.name, self.health(now_ns, state))
+
+    def health(self, now_ns: int, state: str) -> dict[str, Any]:
+        """What the supervisor and `perch-hil status` are told."""
+        mailbox = self._mailbox
+        return {
+            "service": self.name, "pid": os.getpid(), "state": state, "now_ns": now_ns,
+            "outputs": sorted({topic for node in self._seats.nodes for topic in node.outputs}),
+            "nodes": {node: vars(pace) for node, pace in self._seats.paces},
+            "dropped": dict(mailbox.dropped), "lost": dict(mailbox.lost), "garbage": mailbox.garbage,
+            "counters": self._counters(), "safe": self._nodes_safe(), "why": self._why,
+            "clock": self._time.table(), "serves": self._serves, **footprint(),
+            **({"graph": declare(self._seats.nodes)} if state == "ready" else {}),
+        }  # fmt: skip
+
+    def close(self) -> None:
+        """Last words, then the nodes are closed. The bus is the caller's."""
+        if self._abort_ns is not None:
+            print(f"{self.name}: {'safe' if self._nodes_safe() else 'NOT SAFE'} at the end", flush=True)
+        self._tell(self._now() if self._time.begun else 0, "stopped")
+        self._seats.close()
+        self._mailbox.close()

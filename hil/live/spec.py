@@ -1,0 +1,106 @@
+"""What every process of a live run is told: one JSON file. A process builds its nodes from it and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from hil.assembly.builder import node_names
+from hil.assembly.plan import Plan
+from hil.assembly.rig import Rig
+from hil.bus.leaf import Credentials, credentials_in
+from hil.live.wires import Ports
+from scenarios.draw import Drawn, draw
+from scenarios.spec import Scenario
+
+# Which nodes share a process, in the order of starting; they are stopped the other way round. Belief and policy run
+# one after the other 100 times a second and nothing comes between them; so do follower and driver of the car. The
+# vehicle's driver and gate are alone: whatever happens to another process, the last check stands.
+GROUPS: dict[str, tuple[str, ...]] = {
+    "vehicle_device": ("vehicle_device",),
+    "car_device": ("car_device",),
+    "mocap": ("mocap",),
+    "vehicle_link": ("vehicle_link",),
+    "car": ("car_follower", "car_link"),
+    "camera": ("camera",),
+    "detector": ("detector",),
+    "brain": ("belief", "policy"),
+    "referee": ("director", "referee"),
+}
+
+
+class LiveSpec(BaseModel):
+    """One live run. `folder` is the run's; `keys` the folder of `perch-hil keys`, empty for an open bus."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    scenario: str
+    rig: str
+    policy: str | None
+    camera: Literal["pictures", "model"] | None
+    seed: int
+    endpoint: str
+    ports: Ports
+    pictures: str
+    folder: Path | None
+    keys: Path | None = None
+
+    def plan(self) -> Plan:
+        """Scenario, rig and policy, read and checked. Raises ConfigError, ContractError or ValueError."""
+        return Plan(self.scenario, self.rig, self.policy, self.camera)
+
+    def draw(self, plan: Plan) -> Drawn:
+        """The run's drawn numbers."""
+        return draw(plan.scenario, self.seed)
+
+    def services(self, rig: Rig | None = None) -> dict[str, tuple[str, ...]]:
+        """service -> its nodes, in the order of starting."""
+        return services(rig or self.plan().rig)
+
+    def credentials(self, service: str) -> Credentials | None:
+        """The files that make a process this service; None on an open bus."""
+        return None if self.keys is None else credentials_in(self.keys, service)
+
+    def digest(self, plan: Plan) -> str:
+        """What two hosts must agree on, in short: scenario, rig, policy and seed."""
+        said = [plan.scenario.model_dump_json(), plan.rig.model_dump_json(), plan.policy_name, str(self.seed)]
+        return hashlib.sha256("\n".join(said).encode()).hexdigest()[:12]
+
+    @classmethod
+    def read(cls, path: Path) -> LiveSpec:
+        """Raises ValueError for a file that is no spec."""
+        try:
+            return cls.model_validate_json(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+        except ValidationError as error:
+            fault = error.errors()[0]
+            where = ".".join(map(str, fault["loc"]))
+            raise ValueError(f"{path}: is no spec of a live run: {where}: {fault['msg']}") from None
+
+    def write(self, path: Path) -> None:
+        path.write_text(self.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def services(rig: Rig) -> dict[str, tuple[str, ...]]:
+    """service -> its nodes with this rig, in the order of starting."""
+    names = node_names(rig)
+    found = {service: tuple(n for n in nodes if n in names) for service, nodes in GROUPS.items()}
+    return {service: nodes for service, nodes in found.items() if nodes}
+
+
+def simulated_twin(rig: Rig) -> Rig:
+    """The same rig with every device simulated: what warming up may touch."""
+    update = {
+        "vehicle": rig.vehicle.model_copy(update={"kind": "sim", "url": ""}),
+        "groundcar": rig.groundcar.model_copy(update={"kind": "sim"}),
+        "camera": rig.camera.model_copy(update={"kind": "sim", "device": ""}),
+        "mocap": rig.mocap.model_copy(update={"kind": "sim"}),
+    }
+    return rig.model_copy(update=update)
+
+
+__all__ = ["GROUPS", "LiveSpec", "Scenario", "services", "simulated_twin"]

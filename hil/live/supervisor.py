@@ -1,0 +1,244 @@
+"""Starts the processes of a live run in order, watches them by what they publish, stops them in order.
+
+Nothing is restarted in flight. A process that ends, or whose topics grow old, is an abort: every service that is left
+is told, and brings what it drives to its safe state: the vehicle's driver hands back to the autopilot, which lands; the
+car's driver commands zero speed. If it is one of those two that is gone, silence does the same: the autopilot's
+failsafe and the car's own watchdog act on it. If the hub is gone, or the supervisor itself, everybody hears that
+nobody speaks any more and does by himself what he would have been told.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from hil.bus.leaf import CONTROL, HEALTH, Bus, BusError
+from hil.contract.topics import TOPICS
+from hil.live.orphaned import mapped_memory
+from hil.live.process import Process
+from hil.live.run_clock import clock_fault
+from hil.live.silence import silence
+
+READY_LIMIT_S = 600.0  # kernels may have to be compiled
+_BEAT_S = 0.2
+_STOP_S = 4.0
+_GRACE_S = 2.0  # from asking by signal to killing
+_RECORDER_S, _RECORDER_GRACE_S = 15.0, 6.0  # it still has to write what came last
+# Not listened to: big, or silent by design once the gate or the referee has spoken, or frequent and of simulated
+# devices, which tell of themselves twice a second as everybody does
+_QUIET = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
+
+
+class SupervisorError(RuntimeError):
+    """The services could not be brought up; the text says which and why."""
+
+
+class Supervisor:
+    """The processes of one run. Use as a context manager: leaving it leaves no process behind."""
+
+    def __init__(self, spec: Path, endpoint: str, logs: Path, remote: Sequence[str] = (), serves: str = "") -> None:
+        """Services in `remote` are started by others, and must be built for the run whose digest is `serves`."""
+        self._spec, self._endpoint, self._logs = spec, endpoint, logs
+        self._remote, self._serves = [s for s in remote if s != "hub"], serves
+        self._processes: dict[str, Process] = {}
+        self._bus: Bus | None = None
+        self.health: dict[str, dict[str, Any]] = {}
+        self._heard: dict[str, int] = {}
+        self._started_ns = 0
+        self._standing: dict[str, Any] = {"order": "watch"}
+        self._beaten_s = 0.0
+        self.remarks: list[str] = []
+        self.memory: set[str] = set()  # names of what this run's processes hold in shared memory
+
+    def start(self, service: str) -> None:
+        """Start one service's process."""
+        command = [sys.executable, "-m", "hil.live.main", str(self._spec), service]
+        self._processes[service] = Process(service, command, self._logs / f"{service}.log")
+
+    def connect(self, credentials: Any = None, limit_s: float = 30.0) -> Bus:
+        """Join the bus once the hub is up. Raises SupervisorError if the hub ends instead."""
+        until = time.monotonic() + limit_s
+        while True:
+            self._check_ended()
+            try:
+                self._bus = Bus(self._endpoint, credentials, timeout_s=1.0)
+                break
+            except BusError as error:
+                if time.monotonic() > until:
+                    raise SupervisorError(str(error)) from None
+        self._bus.hear(HEALTH + "*", self._note)
+        self._heard = self._bus.ages([t for t, row in TOPICS.items() if row.hz and t not in _QUIET])
+        return self._bus
+
+    def _note(self, table: dict[str, Any]) -> None:
+        self.health[str(table.get("service"))] = {**table, "heard_ns": time.monotonic_ns()}
+        self.memory.update(table.get("memory", ()))
+
+    def wait_ready(
+        self, services: Iterable[str], limit_s: float = READY_LIMIT_S, waiting: Callable[[list[str]], None] = print
+    ) -> None:
+        """Until all are ready. Raises SupervisorError naming who ended, who is not ready in time, and a service of
+        another host that was built for another run or whose clock cannot be compared."""
+        services, until = list(services), time.monotonic() + limit_s
+        while True:
+            self.beat()
+            missing = [s for s in services if self.health.get(s, {}).get("state") != "ready"]
+            self._check_remote()
+            if not missing:
+                for process in self._processes.values():  # the hub tells of nothing
+                    self.memory |= mapped_memory(process.pid)
+                return
+            self._check_ended()
+            if time.monotonic() > until:
+                raise SupervisorError(f"not ready after {limit_s:.0f} s: {', '.join(missing)} (see {self._logs})")
+            waiting(missing)
+            time.sleep(0.1)
+
+    def _check_remote(self) -> None:
+        for service, table in self.health.items():
+            if service not in self._remote:
+                continue
+            if table.get("serves") != self._serves:
+                raise SupervisorError(
+                    f"{service} was started for another run: give `perch-hil node` the same scenario, rig, camera, "
+                    "policy and seed"
+                )
+            fault = clock_fault(service, table.get("clock", {}))
+            if fault:
+                raise SupervisorError(fault)
+
+    def go(self, delay_s: float = 0.6, ahead_ns: int = 0) -> int:
+        """Start the run's clock `delay_s` from now, everywhere; returns its zero on the monotonic clock (ns).
+
+        `ahead_ns`: the hub's monotonic clock less ours.
+        """
+        assert self._bus is not None
+        self._started_ns = time.monotonic_ns() + round(delay_s * 1e9)
+        self._order({"order": "go", "epoch_ns": self._started_ns + ahead_ns})
+        return self._started_ns
+
+    def beat(self) -> None:
+        """Say that we are there, with the order that stands; to be called several times a second."""
+        now = time.monotonic()
+        if self._bus is not None and now - self._beaten_s > _BEAT_S:
+            self._beaten_s = now
+            self._bus.say(CONTROL, self._standing)
+
+    def _order(self, order: dict[str, Any]) -> None:
+        """To everybody, again with every beat: the bus may lose one."""
+        self._standing, self._beaten_s = order, 0.0
+        self.beat()
+
+    def trouble(self) -> str:
+        """Who ended, or who has fallen silent since the start; empty while all is well."""
+        for process in self._processes.values():
+            if process.ended() is not None:
+                return process.why()
+        now = time.monotonic_ns()
+        if now < self._started_ns:
+            return ""
+        silent = silence(now, self.health, self._heard, self._watched())
+        if not silent:
+            return ""
+        return next((one.why() for one in self._processes.values() if one.leaving() is not None), silent)
+
+    def _watched(self) -> list[str]:
+        return [*(name for name in self._processes if name != "hub"), *self._remote]
+
+    def abort(self, why: str) -> None:
+        """Tell everybody who is left to reach the safe state."""
+        self._order({"order": "abort", "why": why})
+
+    def safe(self, service: str) -> bool:
+        """Whether `service` says that what it drives is safe; True if it has ended or can say nothing any more."""
+        process, table = self._processes.get(service), self.health.get(service)
+        if (process is None and service not in self._remote) or table is None:
+            return True
+        if process is not None and process.ended() is not None:
+            return True
+        if self._alone(process):
+            return False
+        silent = time.monotonic_ns() - table["heard_ns"] > 3e9
+        return silent or bool(table.get("safe", True))
+
+    def _alone(self, process: Process | None) -> bool:
+        """The hub is gone and the service, which was well, is left to itself: it ends once it is safe."""
+        hub = self._processes.get("hub")
+        return process is not None and hub is not None and hub.ended() is not None and not process.stopped()
+
+    def drop_hub(self) -> None:
+        """End a hub that does not answer, so that everybody notices at once."""
+        hub = self._processes.get("hub")
+        if hub is not None:
+            hub.end(0.0)
+
+    def stop(self) -> None:
+        """Stop in reverse order of starting, the recorder after all services, the hub last."""
+        order = [s for s in reversed(self._processes) if s not in ("recorder", "hub")]
+        for service in self._remote:
+            self._say_stop(service)
+        for service in [*order, "recorder", "hub"]:
+            process = self._processes.get(service)
+            if process is None:
+                continue
+            if service == "hub":
+                self._await_remote()
+                self._leave()
+                if process.ended() is None:
+                    os.kill(process.pid, signal.SIGTERM)
+            elif process.ended() is None:
+                self._say_stop(service)
+            patience_s, grace_s = (_RECORDER_S, _RECORDER_GRACE_S) if service == "recorder" else (_STOP_S, _GRACE_S)
+            remark = process.end(patience_s if self._hub_lives() else 0.0, self.beat, grace_s)
+            if remark:
+                self.remarks.append(remark)
+        self._processes.clear()
+        self._leave()
+
+    def _say_stop(self, service: str) -> None:
+        if self._bus is not None:
+            self._bus.say(CONTROL, {"order": "stop", "service": service})
+
+    def _hub_lives(self) -> bool:
+        hub = self._processes.get("hub")
+        return hub is None or hub.ended() is None
+
+    def _await_remote(self) -> None:
+        """Give the others a moment to say that they have stopped."""
+        until = time.monotonic() + _STOP_S
+        while self._hub_lives() and time.monotonic() < until:
+            left = [s for s in self._remote if self.health.get(s, {}).get("state", "stopped") != "stopped"]
+            if not left:
+                return
+            time.sleep(0.05)
+        self.remarks += [
+            f"{s} on its other host did not say that it stopped"
+            for s in self._remote
+            if self.health.get(s, {}).get("state", "stopped") != "stopped"
+        ]
+
+    def _leave(self) -> None:
+        if self._bus is not None:
+            self._bus.close()
+            self._bus = None
+
+    def _check_ended(self) -> None:
+        for process in self._processes.values():
+            if process.ended() is not None:
+                raise SupervisorError(f"{process.why()} (see {process.log})")
+
+    def __enter__(self) -> Supervisor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self.stop()
+        finally:
+            for process in self._processes.values():
+                process.end(0.0)
+            self._leave()

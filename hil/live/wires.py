@@ -1,0 +1,90 @@
+"""The wires of a live run: simulated devices behind UDP on this host, real ones where the rig says they are."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from hil.assembly.rig import Rig
+from hil.wires import WireError
+from hil.wires.can import open_can
+from hil.wires.can_udp import CanOverUdp
+from hil.wires.udp import UdpWire
+from hil.wires.url import open_url
+
+_LOCAL = "127.0.0.1"
+
+
+class Ports(BaseModel):
+    """UDP ports of the wires between simulated devices and their drivers."""
+
+    model_config = ConfigDict(frozen=True)
+
+    vehicle_link: int
+    vehicle_device: int
+    car_link: int
+    car_device: int
+    host: str = _LOCAL
+
+
+def free_ports() -> Ports:
+    """Ports that nobody uses now."""
+    with socket.socket() as a, socket.socket() as b, socket.socket() as c, socket.socket() as d:
+        found: list[int] = []
+        for one in (a, b, c, d):
+            one.bind((_LOCAL, 0))
+            found.append(one.getsockname()[1])
+    return Ports(vehicle_link=found[0], vehicle_device=found[1], car_link=found[2], car_device=found[3])
+
+
+class LiveWires:
+    """Opens a wire when its node is built; `close` closes those that were. Raises WireError for what is not there."""
+
+    def __init__(self, rig: Rig, ports: Ports) -> None:
+        self._rig, self._ports = rig, ports
+        self._opened: list[Any] = []
+        self.descriptors: dict[int, str] = {}  # to be waited for -> the driver that reads it; others are looked at
+
+    def vehicle_link(self) -> Any:
+        slot, ports = self._rig.vehicle, self._ports
+        if slot.kind == "mavlink":
+            return self._keep(open_url(slot.url), "vehicle_link")
+        return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
+
+    def vehicle_device(self) -> Any:
+        # as PX4 does: speaks first to a default address, keeps its first partner, hears everybody
+        ports = self._ports
+        peer = (ports.host, ports.vehicle_link)
+        return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", strangers=True))
+
+    def car_link(self) -> Any:
+        slot, ports = self._rig.groundcar, self._ports
+        if slot.kind == "can":
+            if slot.interface == "virtual":
+                raise WireError("a virtual CAN bus ends at its process: in a live run use socketcan or udp_multicast")
+            return self._keep(open_can(slot.interface, slot.channel))
+        return self._keep(self._can(ports.car_link, ports.car_device))
+
+    def car_device(self) -> Any:
+        return self._keep(self._can(self._ports.car_device, self._ports.car_link))
+
+    def _can(self, here: int, there: int) -> CanOverUdp:
+        host = self._ports.host
+        return CanOverUdp(UdpWire((host, here), (host, there), partner="fixed"))
+
+    def _keep(self, wire: Any, driver: str = "") -> Any:
+        self._opened.append(wire)
+        if driver and hasattr(wire, "fileno"):
+            self.descriptors[wire.fileno()] = driver
+        return wire
+
+    @property
+    def trouble(self) -> list[str]:
+        """Wires that went away."""
+        return [wire.lost for wire in self._opened if getattr(wire, "lost", "")]
+
+    def close(self) -> None:
+        for wire in self._opened:
+            wire.close()

@@ -1,0 +1,227 @@
+"""The same run in Foxglove's schemas, so that Rerun, Foxglove and Lichtblick show it without a plug-in.
+
+Views are for eyes: thinned to 50 Hz, pictures as JPEG. What the run is judged by are the `/perch/...` topics. Frames:
+world (ENU) -> vehicle (FLU) -> camera (optical: x right, y down, z forward); world -> board (x up-slope, z the normal);
+world -> board_belief (what the filter thinks).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
+
+from hil.contract import messages as m
+from vehicle.camera.pinhole import Camera
+
+_PERIOD_NS = 20_000_000  # of transforms and poses
+_PREVIEW_PERIOD_NS = 66_000_000  # at most 15 Hz; every fourth picture at 60 Hz, every second at 30
+_LEVELS = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
+PICTURES = ("none", "preview", "all", "raw")
+
+View = tuple[str, bytes]
+
+
+def schema_set(message: Any) -> bytes:
+    """The FileDescriptorSet of a generated protobuf class: its own file and everything that file imports."""
+    files: dict[str, FileDescriptorProto] = {}
+
+    def add(descriptor: Any) -> None:
+        for dependency in descriptor.dependencies:
+            add(dependency)
+        if descriptor.name not in files:
+            files[descriptor.name] = FileDescriptorProto()
+            descriptor.CopyToProto(files[descriptor.name])
+
+    add(message.DESCRIPTOR.file)
+    return FileDescriptorSet(file=files.values()).SerializeToString()
+
+
+def optical_from_tilt(tilt: float) -> m.Quat:
+    """Body-from-optical rotation (w, x, y, z) of a forward-looking camera tilted down by `tilt` rad."""
+    c, s = math.cos(tilt / 2), math.sin(tilt / 2)  # Ry(tilt) * (0.5, -0.5, 0.5, -0.5)
+    return (0.5 * (c - s), -0.5 * (c + s), 0.5 * (c + s), -0.5 * (c - s))
+
+
+def belief_orientation(heading: float, inclination: float) -> m.Quat:
+    """World from board, w, x, y, z: Rz(heading) Ry(-inclination)."""
+    c, s = math.cos(heading / 2), math.sin(heading / 2)
+    d, e = math.cos(inclination / 2), -math.sin(inclination / 2)
+    return (c * d, -s * e, c * e, s * d)
+
+
+class FoxgloveView:
+    """Turns messages of the run into view messages: `view(topic, message)` returns [(view topic, bytes), ...].
+
+    `pictures`: none; preview (half size, at most 15 Hz); all (every picture, full size, JPEG); raw (preview here, and
+    the recorder keeps every picture bit for bit).
+    """
+
+    def __init__(self, camera: Camera | None = None, pictures: str = "preview", board_size: float = 0.42) -> None:
+        if pictures not in PICTURES:
+            raise ValueError(f"pictures is {pictures!r}: choose one of {', '.join(PICTURES)}")
+        self.camera, self.pictures, self.board_size = camera or Camera(), pictures, board_size
+        self._due: dict[str, int] = {}
+        self._scene_sent = False
+        self._views: dict[str, Callable[[Any], list[View]]] = {
+            "truth/vehicle": self._vehicle,
+            "mocap/vehicle": self._vehicle,
+            "truth/board": self._board,
+            "mocap/board": self._board,
+            "belief": self._belief,
+            "board/detection": self._detection,
+            "camera/image": self._image,
+            "event": self._event,
+        }
+        self._truth: set[str] = set()
+
+    CHANNELS = (
+        ("/tf", FrameTransforms, "small"),
+        ("/vehicle/pose", PoseInFrame, "small"),
+        ("/board/pose", PoseInFrame, "small"),
+        ("/belief/pose", PoseInFrame, "small"),
+        ("/detection/pose", PoseInFrame, "small"),
+        ("/log", Log, "small"),
+        ("/scene", SceneUpdate, "small"),
+        ("/camera/calibration", CameraCalibration, "small"),
+        ("/camera/image", CompressedImage, "pictures"),
+    )
+
+    def __call__(self, topic: str, message: Any) -> list[View]:
+        view = self._views.get(topic)
+        if view is None:
+            return []
+        source, _, subject = topic.partition("/")
+        if source == "truth":
+            self._truth.add(subject)
+        elif source == "mocap" and subject in self._truth:
+            return []  # one pose a body: the truth where there is one
+        return view(message)
+
+    def _is_due(self, what: str, stamp_ns: int, period_ns: int = _PERIOD_NS) -> bool:
+        if stamp_ns < self._due.get(what, -(2**62)):
+            return False
+        self._due[what] = stamp_ns + period_ns
+        return True
+
+    def _vehicle(self, state: m.VehicleState) -> list[View]:
+        if not self._is_due("vehicle", state.stamp_ns):
+            return []
+        transforms = FrameTransforms()
+        _transform(transforms, state.stamp_ns, "world", "vehicle", state.position, state.orientation)
+        mount = optical_from_tilt(self.camera.tilt)
+        _transform(transforms, state.stamp_ns, "vehicle", "camera", self.camera.offset, mount)
+        return [
+            ("/tf", transforms.SerializeToString()),
+            ("/vehicle/pose", _pose(state.stamp_ns, state.position, state.orientation)),
+            *self._scene(state.stamp_ns),
+        ]
+
+    def _board(self, state: m.BoardState) -> list[View]:
+        if not self._is_due("board", state.stamp_ns):
+            return []
+        return _body(state.stamp_ns, "board", "/board/pose", state.position, state.orientation)
+
+    def _belief(self, belief: m.Belief) -> list[View]:
+        if not belief.valid or not self._is_due("belief", belief.stamp_ns):
+            return []
+        orientation = belief_orientation(belief.heading, belief.inclination)
+        return _body(belief.stamp_ns, "board_belief", "/belief/pose", belief.position, orientation)
+
+    def _detection(self, seen: m.Detection) -> list[View]:
+        if not seen.found:
+            return []
+        return [("/detection/pose", _pose(seen.stamp_ns, seen.position, seen.orientation))]
+
+    def _event(self, event: m.Event) -> list[View]:
+        log = Log(level=_LEVELS.get(event.severity, Log.UNKNOWN), message=event.text, name=event.source)
+        log.timestamp.FromNanoseconds(event.stamp_ns)
+        return [("/log", log.SerializeToString())]
+
+    def _image(self, image: m.Image) -> list[View]:
+        full = self.pictures == "all"
+        if self.pictures == "none" or not (full or self._is_due("image", image.stamp_ns, _PREVIEW_PERIOD_NS)):
+            return []
+        pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
+        scale = 1
+        if not full:
+            scale = 2
+            pixels = cv2.resize(pixels, (image.width // 2, image.height // 2), interpolation=cv2.INTER_AREA)
+        ok, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 90 if full else 80])
+        if not ok:
+            raise ValueError(f"picture {image.sequence} could not be compressed")
+        view = CompressedImage(frame_id="camera", data=jpeg.tobytes(), format="jpeg")
+        view.timestamp.FromNanoseconds(image.stamp_ns)
+        views = [("/camera/image", view.SerializeToString())]
+        if self._is_due("calibration", image.stamp_ns, 1_000_000_000):
+            views.insert(0, ("/camera/calibration", self._calibration(image.stamp_ns, scale)))
+        return views
+
+    def _calibration(self, stamp_ns: int, scale: int) -> bytes:
+        camera = self.camera
+        fx, fy = camera.fx / scale, camera.fy / scale
+        # pixel centres are at integers: a picture's left edge is at -0.5 at any scale
+        cx, cy = (camera.cx + 0.5) / scale - 0.5, (camera.cy + 0.5) / scale - 0.5
+        view = CameraCalibration(
+            frame_id="camera",
+            width=camera.width // scale,
+            height=camera.height // scale,
+            distortion_model="plumb_bob",
+            D=[0.0] * 5,
+            K=[fx, 0, cx, 0, fy, cy, 0, 0, 1],
+            R=[1, 0, 0, 0, 1, 0, 0, 0, 1],
+            P=[fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0],
+        )
+        view.timestamp.FromNanoseconds(stamp_ns)
+        return view.SerializeToString()
+
+    def _scene(self, stamp_ns: int) -> list[View]:
+        """Board, believed board and vehicle as boxes that ride on their frames; sent once."""
+        if self._scene_sent:
+            return []
+        self._scene_sent = True
+        scene, side = SceneUpdate(), self.board_size
+        for frame, size, colour in (
+            ("board", (side, side, 0.01), (0.85, 0.85, 0.85, 1.0)),
+            ("board_belief", (side, side, 0.005), (0.2, 0.6, 1.0, 0.5)),
+            ("vehicle", (0.25, 0.25, 0.06), (1.0, 0.5, 0.1, 1.0)),
+        ):
+            entity = scene.entities.add(id=frame, frame_id=frame, frame_locked=True)
+            entity.timestamp.FromNanoseconds(stamp_ns)
+            cube = entity.cubes.add()
+            cube.pose.orientation.w = 1.0
+            cube.size.x, cube.size.y, cube.size.z = size
+            cube.color.r, cube.color.g, cube.color.b, cube.color.a = colour
+        return [("/scene", scene.SerializeToString())]
+
+
+def _body(stamp_ns: int, frame: str, topic: str, position: m.Vec3, orientation: m.Quat) -> list[View]:
+    transforms = FrameTransforms()
+    _transform(transforms, stamp_ns, "world", frame, position, orientation)
+    return [("/tf", transforms.SerializeToString()), (topic, _pose(stamp_ns, position, orientation))]
+
+
+def _transform(transforms: Any, stamp_ns: int, parent: str, child: str, translation: m.Vec3, rotation: m.Quat) -> None:
+    t = transforms.transforms.add(parent_frame_id=parent, child_frame_id=child)
+    t.timestamp.FromNanoseconds(stamp_ns)
+    t.translation.x, t.translation.y, t.translation.z = translation
+    t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z = rotation
+
+
+def _pose(stamp_ns: int, position: m.Vec3, orientation: m.Quat) -> bytes:
+    view = PoseInFrame(frame_id="world")
+    view.timestamp.FromNanoseconds(stamp_ns)
+    p, q = view.pose.position, view.pose.orientation
+    p.x, p.y, p.z = position
+    q.w, q.x, q.y, q.z = orientation
+    return view.SerializeToString()

@@ -1,0 +1,91 @@
+"""Receipts: what each step of each node consumed, so that it can be stepped again exactly.
+
+One MCAP file a process in the run's folder (`receipts-NAME.mcap`), one topic a node. A receipt holds the step's time
+and, for each of the node's inputs in order, the numbers of the messages that were new: their place in the topic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.contract.codec import codec
+from hil.contract.node import Inbox, Node, Out
+from hil.recording.mcap_writer import McapWriter
+from hil.recording.reader import Recording
+from hil.recording.recorder import RecordingError
+
+PREFIX = "/perch/receipt/"
+
+
+@dataclass(frozen=True, slots=True)
+class Receipt:
+    """One step. `consumed`: for each input of the node in order, how many messages were new, then their numbers."""
+
+    stamp_ns: int
+    consumed: tuple[int, ...]
+
+
+class ReceiptBook:
+    """Writes the receipts of the nodes of one process. Raises RecordingError if it cannot."""
+
+    def __init__(self, path: Path, nodes: Sequence[Node]) -> None:
+        self._codec, self._path = codec(Receipt), path
+        try:
+            self._writer = McapWriter(path)
+        except OSError as error:
+            raise RecordingError(f"cannot write receipts to {path}: {error.strerror}") from error
+        self._channels = {
+            node.name: self._writer.channel(PREFIX + node.name, self._codec.name, self._codec.schema) for node in nodes
+        }
+        self._writer.metadata("inputs", {node.name: " ".join(node.inputs) for node in nodes})
+
+    def add(self, node: str, now_ns: int, consumed: Sequence[int]) -> None:
+        """Note one step of `node`."""
+        data = self._codec.encode(Receipt(now_ns, tuple(consumed)))
+        try:
+            self._writer.add(self._channels[node], now_ns, data)
+        except OSError as error:
+            raise RecordingError(f"writing receipts to {self._path} failed: {error.strerror}") from error
+
+    def close(self) -> None:
+        """Finish the file; may be called twice."""
+        self._writer.close()
+
+
+class Receipted:
+    """A node that leaves receipts, for a host that delivers every message in order (lockstep): it only has to count."""
+
+    def __init__(self, node: Node, book: ReceiptBook) -> None:
+        self._node, self._book = node, book
+        self._seen = dict.fromkeys(node.inputs, 0)
+        self.name, self.inputs, self.outputs = node.name, node.inputs, node.outputs
+        self.wakes, self.period_ns = node.wakes, node.period_ns
+
+    def close(self) -> None:
+        self._node.close()
+
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        consumed: list[int] = []
+        for topic in self._node.inputs:
+            count, first = len(inbox.new(topic)), self._seen[topic]
+            consumed += (count, *range(first, first + count))
+            self._seen[topic] = first + count
+        self._book.add(self._node.name, now_ns, consumed)
+        return self._node.step(now_ns, inbox)
+
+
+def read_receipts(run: Path) -> dict[str, tuple[tuple[str, ...], list[Receipt]]]:
+    """node -> (its inputs then, its receipts in order), of all receipt files in the run's folder."""
+    found: dict[str, tuple[tuple[str, ...], list[Receipt]]] = {}
+    kind = codec(Receipt)
+    for path in sorted(run.glob("receipts*.mcap")):
+        recording = Recording(path)
+        inputs = recording.metadata.get("inputs", {})
+        for raw in recording.raw():
+            node = raw.topic.removeprefix(PREFIX)
+            if node not in found:
+                found[node] = (tuple(inputs.get(node, "").split()), [])
+            found[node][1].append(kind.decode(raw.data))
+    return found

@@ -1,0 +1,102 @@
+"""The recorder: every message of a run into `run.mcap`, as it was and as viewers like to see it.
+
+`Recorder` is called as the host's tap. A run that cannot record must not fly: every failure is a RecordingError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from hil.contract.codec import codec
+from hil.contract.topics import TOPICS
+from hil.recording.foxglove import FoxgloveView, schema_set
+from hil.recording.mcap_writer import McapWriter
+
+PREFIX = "/perch/"
+PICTURES = "camera/image"  # the topic, and the end of every topic, whose messages are pictures
+FORMAT = "1"
+
+
+class RecordingError(RuntimeError):
+    """The run cannot be recorded."""
+
+
+class Recorder:
+    """Writes the messages of `topics` (default: all the contract marks as recorded) to a new file at `path`.
+
+    `view` adds the topics for viewers; `metadata` is kept in the file (strings only, and nothing of a clock if the
+    bytes of two runs are to agree). Use as a context manager, or call `close`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        topics: Iterable[str] | None = None,
+        view: FoxgloveView | None = None,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
+        self.path = path
+        self._view = view
+        wanted = sorted(topics) if topics is not None else [name for name, t in TOPICS.items() if t.recorded]
+        unknown = [name for name in wanted if name not in TOPICS]
+        if unknown:
+            raise RecordingError(f"cannot record {', '.join(unknown)}: hil/contract/topics.py does not list it")
+        keep_pictures = view is not None and view.pictures == "raw"
+        try:
+            self._writer = McapWriter(path)
+            self._channels: dict[str, int] = {}
+            self._codecs = {}
+            for name in wanted:
+                kind = codec(TOPICS[name].message)
+                if name == PICTURES and not keep_pictures:
+                    continue
+                lane = "pictures" if name == PICTURES else "small"
+                self._channels[name] = self._writer.channel(PREFIX + name, kind.name, kind.schema, lane)
+                self._codecs[name] = kind
+            self._view_channels = {
+                topic: self._writer.channel(topic, kind.DESCRIPTOR.full_name, schema_set(kind), lane)
+                for topic, kind, lane in (FoxgloveView.CHANNELS if view is not None else ())
+            }
+            self._writer.metadata("perch-hil", {"format": FORMAT, **(metadata or {})})
+        except OSError as error:
+            raise RecordingError(f"cannot record to {path}: {error.strerror}") from error
+
+    def __call__(self, now_ns: int, topic: str, message: Any) -> None:
+        """Record `message`, published on `topic` at `now_ns` (the host's tap)."""
+        try:
+            kind = self._codecs.get(topic)
+            if kind is not None:
+                self._writer.add(self._channels[topic], now_ns, kind.encode(message))
+            if self._view is not None:
+                for view_topic, data in self._view(topic, message):
+                    self._writer.add(self._view_channels[view_topic], now_ns, data)
+        except OSError as error:
+            raise RecordingError(
+                f"recording to {self.path} failed at {now_ns / 1e9:.2f} s: {error.strerror}"
+            ) from error
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages recorded so far, by topic, without the views."""
+        counts = self._writer.counts()
+        return {topic: counts[PREFIX + topic] for topic in self._channels}
+
+    def flush(self) -> None:
+        """Give everything to the operating system now: what has been flushed survives a killed process."""
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Finish the file. Safe to call twice."""
+        self._writer.close()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,113 @@
+"""Plots over time as data for the page's script: series in, one table of packed arrays out."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hil.report.recorded.flight import Recorded
+
+# One colour a role, the same in every plot and figure; told apart in grey by dashes and dots.
+VEHICLE, BOARD, BELIEF, SEEN, ASKED, MUTED, BAD = (
+    "#1259a8", "#c2570c", "#7b3fa0", "#12805c", "#8a8f98", "#8a8f98", "#c4262e",
+)  # fmt: skip
+
+_FINE_S = 0.007  # closest spacing of drawn samples around the attempt
+_COARSE_S = 0.1  # before and after it, at least
+_FINE_SPAN_NS, _COARSE_SAMPLES = 60_000_000_000, 3000  # a recording of hours must not make a report of gigabytes
+
+
+@dataclass
+class Series:
+    """`t` in ns, `y` in the plot's unit; NaN leaves a gap. style: line, dash, step or dots."""
+
+    name: str
+    colour: str
+    t: np.ndarray
+    y: np.ndarray
+    style: str = "line"
+
+
+@dataclass
+class TimePlot:
+    """One plot on the linked time axis. `lines` are horizontal limits (value, name); `fixed` keeps the y axis there."""
+
+    key: str
+    title: str
+    unit: str
+    series: list[Series] = field(default_factory=list)
+    lines: list[tuple[float, str]] = field(default_factory=list)
+    fixed: tuple[float, float] | None = None
+    height: int = 150
+
+    def add(self, name: str, colour: str, t: np.ndarray, y: np.ndarray, style: str = "line") -> None:
+        self.series.append(Series(name, colour, t, np.asarray(y, dtype=np.float64), style))
+
+    @property
+    def drawable(self) -> bool:
+        """True if there is at least one number to draw."""
+        return any(np.isfinite(s.y).any() for s in self.series)
+
+
+class Pack:
+    """Collects plots of one or more flights for the page; equal arrays are kept once."""
+
+    def __init__(self) -> None:
+        self._arrays: list[str] = []
+        self._index: dict[bytes, int] = {}
+        self.plots: list[dict[str, Any]] = []
+
+    def add(self, flight: int, recorded: Recorded, plot: TimePlot) -> str:
+        """Pack a plot; returns the id of the element the page puts it in."""
+        series = []
+        for s in plot.series:
+            keep = thin(recorded, s.t, every=s.style != "dots")
+            keep = keep[np.argsort(s.t[keep], kind="stable")]  # the page searches in them
+            t, y = recorded.seconds(s.t[keep]), s.y[keep]
+            series.append(
+                {"name": s.name, "colour": s.colour, "style": s.style, "t": self._array(t), "y": self._array(y)}
+            )
+        ident = f"plot-{flight}-{plot.key}"
+        self.plots.append(
+            {
+                "id": ident, "key": plot.key, "flight": flight, "title": plot.title, "unit": plot.unit,
+                "series": series, "lines": plot.lines, "fixed": plot.fixed, "height": plot.height,
+            }
+        )  # fmt: skip
+        return ident
+
+    def _array(self, values: np.ndarray) -> int:
+        data = values.astype("<f4").tobytes()
+        if data not in self._index:
+            self._index[data] = len(self._arrays)
+            self._arrays.append(base64.b64encode(data).decode("ascii"))
+        return self._index[data]
+
+    def table(self) -> dict[str, Any]:
+        return {"arrays": self._arrays, "plots": self.plots}
+
+
+def thin(recorded: Recorded, t: np.ndarray, *, every: bool = True) -> np.ndarray:
+    """Indices of the samples worth drawing: about 140 Hz from 2 s before the car drives to the end (of its last
+    minute if it is longer), at most 10 Hz elsewhere.
+
+    `every` False keeps them all (single dots mean something each).
+    """
+    if not every or len(t) == 0:
+        return np.arange(len(t))
+    start, end = recorded.window_ns
+    stages = recorded.topics.get("run/stage")
+    driving = [m.car_start_ns for m in stages.messages if m.car_start_ns] if stages else []
+    first = min([start, *driving[:1]]) - 2_000_000_000
+    first = max(first, end - _FINE_SPAN_NS)
+    coarse = max(_COARSE_S, (recorded.span_ns[1] - recorded.span_ns[0]) / 1e9 / _COARSE_SAMPLES)
+    kept, last = [], -(2**62)
+    for i, now in enumerate(t.tolist()):
+        spacing = _FINE_S if first <= now <= end + 1_000_000_000 else coarse
+        if now - last >= spacing * 1e9 or now < last:
+            kept.append(i)
+            last = now
+    return np.array(kept, dtype=np.int64)

@@ -1,0 +1,66 @@
+"""What a section of the report is made of: static markup, plots over time, and what it had to leave out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from markupsafe import Markup, escape
+
+from hil.report.drawing.charts import TimePlot
+from hil.report.recorded.flight import Recorded
+
+
+@dataclass
+class Section:
+    """One section of one flight. `parts` are drawn in order: markup as it stands, plots on the linked axis."""
+
+    ident: str
+    title: str
+    parts: list[Markup | TimePlot] = field(default_factory=list)
+    lost: list[tuple[str, str]] = field(default_factory=list)  # plot, why it could not be drawn
+
+    def html(self, markup: Markup) -> None:
+        self.parts.append(markup)
+
+    def text(self, words: str) -> None:
+        self.parts.append(Markup("<p>{}</p>").format(words))
+
+    def plot(self, plot: TimePlot) -> None:
+        """Add a plot, or name it as lost if nothing in it can be drawn."""
+        if plot.drawable:
+            self.parts.append(plot)
+        else:
+            self.lost.append((plot.title, "no usable sample"))
+
+    def needs(self, recorded: Recorded, title: str, *topics: str) -> bool:
+        """True if the recording has all `topics`; if not, the plot called `title` is noted as lost."""
+        missing = [t for t in topics if not recorded.has(t)]
+        if missing:
+            self.lost.append((title, f"no messages on {', '.join(missing)}"))
+        return not missing
+
+    def needs_pose(self, recorded: Recorded, title: str, *, vehicle: bool = True, board: bool = True) -> bool:
+        """True if it is known where the vehicle and the board were (truth or motion capture)."""
+        why = []
+        if vehicle and recorded.vehicle is None:
+            why.append("no messages on truth/vehicle, mocap/vehicle or vehicle/odometry")
+        if board and recorded.board is None:
+            why.append("no messages on truth/board or mocap/board")
+        if why:
+            self.lost.append((title, "; ".join(why)))
+        return not why
+
+
+def table(head: tuple[str, ...], rows: list[tuple[object, ...]], css: str = "") -> Markup:
+    """An HTML table; every cell is escaped, Markup stays as it is. Columns after the first are right-aligned by CSS."""
+    cells = Markup("").join(Markup("<th>{}</th>").format(name) for name in head)
+    body = Markup("").join(
+        Markup("<tr>{}</tr>").format(Markup("").join(Markup("<td>{}</td>").format(_cell(c)) for c in row))
+        for row in rows
+    )
+    start = Markup("<thead><tr>{}</tr></thead>").format(cells) if any(head) else Markup("")
+    return Markup('<div class="scroll"><table class="{}">{}<tbody>{}</tbody></table></div>').format(css, start, body)
+
+
+def _cell(value: object) -> Markup:
+    return value if isinstance(value, Markup) else escape(str(value))

@@ -1,0 +1,112 @@
+"""The feed's process: messages of a run under way into Rerun. `python -m hil.viewer.feed SPEC` (JSON, see FeedSpec).
+
+It may be slow, hang or die: nothing that controls waits for it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import signal
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from hil.contract.codec import CodecError, codec
+from hil.contract.topics import TOPICS
+from hil.viewer.stream import ViewStream, blueprint
+from hil.viewer.tap import PICTURES, SHOWN_NS, FeedSpec, Thinner, reduced
+from hil.viewer.view import APPLICATION, rerun
+from vehicle.camera.pinhole import Camera
+
+_PACKET = 1 << 20
+_HUB_S = 60.0  # a live run's hub is started after its feed
+_READER = "status"  # of the bus's observers: it reads, and is no part of the run
+_FLUSH_S = 3.0
+
+Item = tuple[str, Any]
+
+
+def from_pipes(pipes: tuple[int, ...]) -> Iterator[Item]:
+    """(topic, message) from the run's sockets until it closes them."""
+    with selectors.DefaultSelector() as selector:
+        for pipe in pipes:
+            selector.register(socket.socket(fileno=pipe), selectors.EVENT_READ)
+        while selector.get_map():
+            for key, _ in selector.select():
+                lane: socket.socket = key.fileobj  # type: ignore[assignment]
+                packet = lane.recv(_PACKET)
+                if not packet:
+                    selector.unregister(lane)
+                    lane.close()
+                    continue
+                head = 1 + packet[0]
+                topic = packet[1:head].decode()
+                yield topic, codec(TOPICS[topic].message).decode(packet[head:])
+
+
+def from_bus(endpoint: str, stopped: list[bool]) -> Iterator[Item]:
+    """(topic, message) of a live run, thinned, until stopped. Raises BusError if no hub comes up."""
+    from hil.bus.leaf import Bus, BusError, Mailbox
+
+    until = time.monotonic() + _HUB_S
+    while True:
+        try:
+            bus = Bus(endpoint, timeout_s=1.0)
+            break
+        except BusError:
+            if stopped or time.monotonic() > until:
+                raise
+    mailbox, thinner = Mailbox(), Thinner()
+    with bus:
+        bus.subscribe(_READER, SHOWN_NS, mailbox)
+        last = False
+        while not last:
+            last = bool(stopped)  # what has come by then is still shown
+            mailbox.wait(100_000_000)
+            for letter in mailbox.drain():
+                if thinner.lets(letter.published_ns, letter.topic):
+                    yield letter.topic, reduced(letter.message) if letter.topic == PICTURES else letter.message
+    mailbox.close()
+
+
+def feed(spec: FeedSpec) -> int:
+    """Show the run until it ends; returns how many messages were shown."""
+    stopped: list[bool] = []
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: stopped.append(True))
+    sdk, shown = rerun(), 0
+    stream = sdk.RecordingStream(APPLICATION)
+    if spec.sink.endswith(".rrd"):
+        stream.save(spec.sink, default_blueprint=blueprint())
+    else:
+        stream.connect_grpc(spec.sink, default_blueprint=blueprint())
+    with stream:
+        stream.send_recording_name(spec.name)
+        camera = Camera(offset=spec.camera_offset, tilt=spec.camera_tilt)
+        view = ViewStream(stream, spec.board_size, spec.tolerance, camera)
+        for topic, message in from_bus(spec.endpoint, stopped) if spec.endpoint else from_pipes(spec.pipes):
+            view.add(topic, message)
+            shown += 1
+        stream.flush(timeout_sec=_FLUSH_S)
+    stream.disconnect()
+    return shown
+
+
+def main() -> int:
+    """Read the spec and show."""
+    table = json.loads(sys.argv[1])
+    spec = FeedSpec(**{**table, "pipes": tuple(table["pipes"]), "camera_offset": tuple(table["camera_offset"])})
+    try:
+        print(f"{spec.name}: {feed(spec)} messages shown", flush=True)
+    except (OSError, RuntimeError, CodecError) as error:
+        print(f"{spec.name}: the feed ended: {error}", flush=True)
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    os._exit(main())  # Rerun's and Zenoh's threads are not waited for

@@ -1,0 +1,99 @@
+"""`run --view`: a window, or a page to open elsewhere, that follows a run. A process of its own, bound to loopback."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import quote
+
+from hil.viewer.tap import Feed, FeedSpec, yield_to_others
+from hil.viewer.view import ViewerError, address, free_port, has_display, rerun, spawn_viewer, stop_viewer
+
+_START_S = 30.0
+
+
+class RunViewer:
+    """The viewer of one `run --view`: a window where there is a display, else a page served on loopback."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        """Start it; `say` gets a line of how to look. Raises ViewerError if there can be none."""
+        rerun()
+        self._say = say
+        self._folder = tempfile.TemporaryDirectory(prefix="perch-hil-view-")
+        self.log = Path(self._folder.name) / "log"
+        self._port, self._web = free_port(), free_port()
+        self.served = not has_display()
+        process = self._start()
+        if process is None and not self.served:
+            say("Rerun could not open a window here: serving a page instead")
+            self.served, self._port = True, free_port()
+            process = self._start()
+        if process is None:
+            words = self._errors()
+            self._folder.cleanup()
+            raise ViewerError(f"the viewer does not start{words}", 3)
+        self._process = process
+        if self.served:
+            forward = " ".join(f"-L {port}:127.0.0.1:{port}" for port in (self._web, self._port))
+            say(f"viewer: open {self.page}")
+            say(f"  if your browser is on another computer, first there: ssh {forward} {socket.gethostname()}")
+
+    def _start(self) -> subprocess.Popen[bytes] | None:
+        """The viewer, listening; None if it ended instead."""
+        with self.log.open("ab") as said:
+            process = spawn_viewer(self._port, log=said, web_port=self._web if self.served else None)
+        yield_to_others(process)
+        until = time.monotonic() + _START_S
+        while process.poll() is None and time.monotonic() < until:
+            with suppress(OSError), socket.create_connection(("127.0.0.1", self._port), timeout=0.2):
+                return process
+            time.sleep(0.05)
+        stop_viewer(process)
+        return None
+
+    @property
+    def page(self) -> str:
+        """What a browser opens."""
+        return f"http://127.0.0.1:{self._web}/?url={quote(address(self._port), safe='')}"
+
+    @property
+    def sink(self) -> str:
+        """Where a feed sends to."""
+        return address(self._port)
+
+    def feed(
+        self, name: str, *, board_size: float, tolerance: float,
+        camera_offset: tuple[float, float, float], camera_tilt: float, endpoint: str = "",
+    ) -> Feed:  # fmt: skip
+        """A feed for one run (see `FeedSpec`); several runs share the viewer."""
+        spec = FeedSpec(self.sink, name, board_size, tolerance, camera_offset, camera_tilt, endpoint)
+        return Feed(spec, self.log)
+
+    def close(self) -> None:
+        """A page is served until Ctrl-C if somebody is at the terminal; a window is its user's to close."""
+        if not self.served:
+            if self._process.poll() is not None and (why := self._errors()):
+                self._say(f"the viewer's window is gone{why}")
+        elif sys.stdin.isatty():
+            self._say(f"viewer: still at {self.page}; Ctrl-C ends it")
+            with suppress(KeyboardInterrupt):
+                self._process.wait()
+        if self.served:
+            stop_viewer(self._process)
+        self._folder.cleanup()
+
+    def __enter__(self) -> RunViewer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _errors(self) -> str:
+        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.startswith("Error")]
+        return f": {lines[-1][:160]}" if lines else ""

@@ -1,0 +1,133 @@
+"""The one way kernels are compiled here: `njit` with an on-disk cache that notices changes in callees.
+
+Numba's own cache looks only at the file a function stands in: change a helper in another file and callers keep the
+old machine code. Flying with that is not acceptable, so the cache stamp here covers every kernel file a module reaches.
+
+Nor is it made for a dozen services that compile at the same time. Its index and its data are two files, which two
+writers can leave telling of different things; and machine code compiled by two processes can bear the same symbol, of
+which the loader takes whichever comes first. Here a file holds one function for one signature and says what it was
+made from, and symbols are numbered from where no other process begins.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+import pickle
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numba
+from numba.core import bytecode, caching
+
+__all__ = ["CACHE_DIR", "cache_is_cold", "njit", "prange"]
+
+CACHE_DIR = Path(
+    os.environ.get("PERCH_KERNEL_CACHE", Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "perch-hil")
+)
+_OURS = "_perch_kernel"  # marks what was compiled by `njit` below, wherever it stands: benchmarks and tests too
+_PACKAGES = ("kernel", "groundcar", "vehicle", "policies", "hil")
+
+prange = numba.prange
+bytecode.FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))  # type: ignore[attr-defined]
+
+
+def njit(*args: Any, **options: Any) -> Any:
+    """`numba.njit` with the house's settings: cached on disk, IEEE division (no exception checks), no fastmath."""
+    options = {"cache": True, "error_model": "numpy", **options}
+    compiled: Any = numba.njit(**options)
+
+    def kernel(function: Any) -> Any:
+        setattr(function, _OURS, True)
+        dispatcher = compiled(function)
+        cache = getattr(dispatcher, "_cache", None)
+        if isinstance(cache, caching.Cache):
+            cache._cache_file = CacheFile(cache._cache_file)  # type: ignore[assignment]
+        return dispatcher
+
+    return kernel(*args) if args else kernel
+
+
+def cache_is_cold() -> bool:
+    """True while no kernel has ever been compiled here: the first run takes a minute longer and should say so."""
+    return not any(CACHE_DIR.glob("**/*.nbc"))
+
+
+def _reached(module: ModuleType, seen: dict[str, ModuleType]) -> dict[str, ModuleType]:
+    if module.__name__ not in seen:
+        seen[module.__name__] = module
+        if module.__name__ == __name__:  # all that hangs here hangs on whoever has been imported before
+            return seen
+        for value in list(vars(module).values()):
+            name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+            if isinstance(name, str) and name.split(".")[0] in _PACKAGES and name in sys.modules:
+                _reached(sys.modules[name], seen)
+    return seen
+
+
+class CacheLocator(caching._CacheLocator):
+    """Numba cache locator: files under CACHE_DIR, stamped with a hash of every kernel file the module reaches."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        self._module = sys.modules[py_func.__module__]
+        self._name = py_func.__qualname__
+        self._dir = CACHE_DIR / hashlib.sha256(str(Path(py_file).resolve()).encode()).hexdigest()[:12]
+
+    def get_cache_path(self) -> str:  # type: ignore[override]
+        return str(self._dir)
+
+    def get_source_stamp(self) -> str:  # type: ignore[override]
+        digest = hashlib.sha256(numba.__version__.encode())
+        for _, module in sorted(_reached(self._module, {}).items()):
+            if module.__file__:
+                digest.update(Path(module.__file__).read_bytes())
+        return digest.hexdigest()
+
+    def get_disambiguator(self) -> str:  # type: ignore[override]
+        return self._name
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> CacheLocator | None:
+        if not hasattr(py_func, _OURS) or py_func.__module__ not in sys.modules:
+            return None
+        locator = cls(py_func, py_file)
+        try:
+            locator.ensure_cache_path()
+        except OSError:
+            return None
+        return locator
+
+
+class CacheFile:
+    """Where a function's machine code lies, in place of Numba's index and data: a file a signature, replaced whole."""
+
+    def __init__(self, numbas: Any) -> None:
+        self._numbas = numbas
+
+    def _path(self, key: Any) -> Path:
+        name = self._numbas._index_name.removesuffix(".nbi")
+        return Path(self._numbas._data_path(f"{name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"))
+
+    def save(self, key: Any, data: Any) -> None:
+        with self._numbas._open_for_write(str(self._path(key))) as file:
+            pickle.dump(self._numbas._source_stamp, file)
+            file.write(self._numbas._dump(data))
+
+    def load(self, key: Any) -> Any:
+        try:
+            with self._path(key).open("rb") as file:
+                if pickle.load(file) == self._numbas._source_stamp:
+                    return pickle.load(file)
+        except (OSError, EOFError, pickle.UnpicklingError):
+            pass
+        return None
+
+    def flush(self) -> None:
+        for path in self._path("").parent.glob(self._numbas._index_name.removesuffix(".nbi") + ".*.nbc"):
+            path.unlink(missing_ok=True)
+
+
+caching.CacheImpl._locator_classes.insert(0, CacheLocator)

@@ -1,0 +1,190 @@
+"""What the board does in a training episode: path family, speed law and the car's sluggishness, drawn at random.
+
+Wider than the paper (splines with an Ornstein-Uhlenbeck speed): its three structured paths, circles, standstill, cosine
+speeds as in Hard-I, ramps and changes of path as in Hard-II, and a car that answers late and overshoots.
+"""
+
+from __future__ import annotations
+
+import math
+
+from groundcar.motion.paths import (
+    ARC,
+    COS,
+    FIGURE8,
+    HEADING,
+    LENGTH,
+    LINE,
+    RACETRACK,
+    SIN,
+    SIZE,
+    SPLINE,
+    STATIC,
+    TURN,
+    P,
+    path_lap,
+)
+from groundcar.motion.platform import (
+    ACCEL_LIMIT,
+    ARC_RADIUS,
+    CHANGE_LENGTH,
+    CHANGE_TIME,
+    DAMPING,
+    PATH_KIND,
+    PATH_ROW,
+    RESPONSE,
+    SPEED_KIND,
+    SPEED_ROW,
+    A,
+    motion_reset,
+    motion_step,
+)
+from groundcar.motion.speed_laws import (
+    CONSTANT,
+    COSINE,
+    OU,
+    PERIOD,
+    PHASE,
+    RAMP,
+    SCHEDULED,
+    SIGMA,
+    SWITCH,
+    TAU,
+    V2,
+    S,
+    V,
+)
+from groundcar.motion.splines import random_spline
+from kernel.jit import njit
+from kernel.random import uniform
+from policies.environment.config import (
+    C_CAR_LAG,
+    C_FAMILY,
+    C_FRONTIER,
+    C_INC_HIGH,
+    C_INC_LOW,
+    C_LAW,
+    C_SPEED_HIGH,
+    C_SPEED_LOW,
+    C_SWINGS,
+    FAMILIES,
+    LAWS,
+    TICK,
+)
+
+BOARD_HEIGHT = 1.5  # m, paper
+MOTION_DIM = A + 8  # aux row of groundcar.motion.platform, then the platform row at the end of the track
+_KINDS = (SPLINE, LINE, RACETRACK, FIGURE8, ARC, STATIC)
+_SPEED_KINDS = (CONSTANT, OU, COSINE, SCHEDULED)
+_FIGURE8_SPEED = 2.4  # m/s: at its tips 1.8 rad/s, the most the car turns
+# `swings`: Hard-I and more, as cars really drive it (asked 1.0 to 2.5 m/s every 3 s, they overshoot to 0.7-2.8).
+_SPLINE, _COSINE = FAMILIES.index("spline"), LAWS.index("cosine")
+_SLOW, _FAST, _SWING = (0.6, 1.2), (2.2, 2.9), (2.5, 4.0)  # m/s, m/s, s
+_STEEP = (math.radians(45.0), math.radians(75.0))
+# `frontier`: the boards that are hard by their speed, flat ones and steep ones.
+_FLAT_SHARE = 1.0 / 3.0
+_FLAT_SPEED, _FLAT_INCLINATION = (2.4, 3.2), (0.0, math.radians(20.0))
+_STEEP_SPEED, _STEEP_INCLINATION = (1.2, 2.5), (math.radians(62.0), math.radians(75.0))
+
+
+@njit
+def pick(odds, draw):
+    """Index of the first of the cumulated `odds` above `draw`."""
+    for k in range(odds.shape[0] - 1):
+        if draw < odds[k]:
+            return k
+    return odds.shape[0] - 1
+
+
+@njit
+def _draw_path(path, kind, speed, rng):
+    path[:] = 0.0
+    angle = uniform(rng, -math.pi, math.pi)
+    path[HEADING], path[COS], path[SIN] = angle, math.cos(angle), math.sin(angle)
+    if kind == SPLINE:
+        random_spline(rng, path, speed)
+    elif kind == LINE:
+        path[SIZE] = 12.0
+    elif kind == RACETRACK:
+        path[SIZE], path[LENGTH] = 4.0, 4.0
+    elif kind == FIGURE8:
+        path[SIZE] = 4.0
+    elif kind == ARC:
+        path[SIZE] = uniform(rng, max(1.5, speed / 1.2), 10.0)
+        path[TURN] = 1.0 if uniform(rng, 0.0, 1.0) < 0.5 else -1.0
+
+
+@njit
+def _draw_speed(law, row, speed, low, high, rng):
+    """Fill a speed row whose largest nominal speed is `speed`, but never below `low`."""
+    row[:] = 0.0
+    row[TAU], row[PERIOD], row[SWITCH], row[V] = 1.0, 1.0, math.inf, speed
+    if law == OU:
+        row[SIGMA] = 0.1
+    elif law == COSINE:
+        row[V], row[V2] = max(low, speed * uniform(rng, 0.3, 0.9)), speed
+        row[PERIOD], row[PHASE] = uniform(rng, 2.0, 5.0), uniform(rng, -math.pi, math.pi)
+    elif law == SCHEDULED:
+        row[V2] = min(high, max(low, speed * uniform(rng, 0.3, 1.0)))
+        row[RAMP], row[SWITCH] = uniform(rng, 0.3, 1.5), uniform(rng, 0.0, 4.0)
+        if uniform(rng, 0.0, 1.0) < 0.5:
+            row[V], row[V2] = row[V2], row[V]
+
+
+@njit
+def motion_draw(motion, config, rng):
+    """Draw an episode's motion into a motion row. Returns (desired speed m/s, family, law)."""
+    aux, platform = motion[:A], motion[A:]
+    family = pick(config[C_FAMILY : C_FAMILY + 6], uniform(rng, 0.0, 1.0))
+    law = pick(config[C_LAW : C_LAW + 4], uniform(rng, 0.0, 1.0))
+    low, high = config[C_SPEED_LOW], config[C_SPEED_HIGH]
+    speed = uniform(rng, low, high)
+    swings = config[C_SWINGS] > 0.0 and uniform(rng, 0.0, 1.0) < config[C_SWINGS]
+    frontier = not swings and config[C_FRONTIER] > 0.0 and uniform(rng, 0.0, 1.0) < config[C_FRONTIER]
+    flat = frontier and uniform(rng, 0.0, 1.0) < _FLAT_SHARE
+    if swings:
+        family, law, speed = _SPLINE, _COSINE, uniform(rng, *_FAST)
+    elif frontier:
+        speed = uniform(rng, *_FLAT_SPEED) if flat else uniform(rng, *_STEEP_SPEED)
+    kind = _KINDS[family]
+    if kind == FIGURE8 and low < high:
+        speed = min(speed, max(low, _FIGURE8_SPEED))
+    if kind == STATIC:
+        speed, law = 0.0, 0
+    aux[:] = 0.0
+    _draw_path(aux[PATH_ROW : PATH_ROW + P], kind, speed, rng)
+    _draw_speed(_SPEED_KINDS[law], aux[SPEED_ROW : SPEED_ROW + S], speed, low, high, rng)
+    if swings:
+        aux[SPEED_ROW + V], aux[SPEED_ROW + PERIOD] = uniform(rng, *_SLOW), uniform(rng, *_SWING)
+    aux[PATH_KIND], aux[SPEED_KIND] = kind, _SPEED_KINDS[law]
+    aux[CHANGE_TIME], aux[CHANGE_LENGTH] = math.inf, math.inf
+    aux[ACCEL_LIMIT], aux[DAMPING] = math.inf, 1.0
+    if kind == SPLINE and law == 3:
+        aux[CHANGE_TIME] = aux[SPEED_ROW + SWITCH]
+        aux[ARC_RADIUS] = uniform(rng, max(2.0, speed / 1.2), 6.0)
+        if uniform(rng, 0.0, 1.0) < 0.5:
+            aux[ARC_RADIUS] = -aux[ARC_RADIUS]
+    if config[C_CAR_LAG] > 0.0 and uniform(rng, 0.0, 1.0) < 0.7:
+        aux[RESPONSE] = 1.0 / uniform(rng, 0.3 * config[C_CAR_LAG], config[C_CAR_LAG])
+        aux[DAMPING], aux[ACCEL_LIMIT] = uniform(rng, 0.5, 1.2), uniform(rng, 2.0, 5.0)
+    u = uniform(rng, 0.0, 1.0) * path_lap(kind, aux[PATH_ROW : PATH_ROW + P])
+    switch = aux[SPEED_ROW + SWITCH]
+    inclination = uniform(rng, config[C_INC_LOW], config[C_INC_HIGH])
+    if swings:
+        inclination = uniform(rng, *_STEEP)
+    elif frontier:
+        inclination = uniform(rng, *_FLAT_INCLINATION) if flat else uniform(rng, *_STEEP_INCLINATION)
+    motion_reset(platform, aux, u, BOARD_HEIGHT, inclination, True)
+    if math.isinf(aux[CHANGE_TIME]):  # else the change of path decides when the speed changes
+        aux[SPEED_ROW + SWITCH] = switch
+    return speed, family, law
+
+
+@njit
+def extend_track(motion, track, known, wanted, rng):
+    """Step the motion on until `track` ((T, 8)) is known up to row `wanted`; row `known` is the last one known now."""
+    aux, platform = motion[:A], motion[A:]
+    for k in range(known + 1, min(wanted, track.shape[0] - 1) + 1):
+        motion_step(platform, aux, TICK, rng)
+        track[k] = platform
+    return max(known, min(wanted, track.shape[0] - 1))

@@ -1,0 +1,143 @@
+"""What the camera makes of the truth in training: exposure, visibility gate, noise, latency, filter."""
+
+from __future__ import annotations
+
+import math
+
+from groundcar.motion.pose import board_quaternion, board_velocity
+from kernel.jit import njit
+from kernel.random import uniform
+from policies.environment.config import C_AUGMENTATION, C_RHO, TICK
+from policies.environment.rows import (
+    QUEUE,
+    S_BIAS,
+    S_ERROR,
+    S_EXPOSURE,
+    S_LATENCY,
+    S_NOISE,
+    S_PENDING,
+    S_PERIOD,
+    S_QUEUE,
+    S_RAW,
+    S_STEP,
+    S_VISIBLE,
+    SLOT,
+    X_OBSERVED,
+    X_Q,
+    X_R,
+    X_SIGMA,
+    X_V,
+    X_Z,
+)
+from policies.estimation.board_ekf import belief_predict, belief_update, measurement_from_pose
+from policies.estimation.ctrv import wrap
+from vehicle.camera.noise import ODOMETRY_SIGMA, POINTING_SIGMA, observe_board
+from vehicle.camera.pinhole import optical_axis, platform_visibility
+from vehicle.quadrotor.dynamics import P, Q, V
+
+_JITTER = 0.003  # s, half-width of the detector's latency within an episode
+
+
+@njit
+def look(rows, i, shared, platform):
+    """Note whether the board is in view now."""
+    vehicle = rows.vehicle[i]
+    seen = platform_visibility(vehicle[P : P + 3], vehicle[Q : Q + 4], platform, rows.camera[i])
+    rows.state[i, S_VISIBLE] = seen
+    return seen
+
+
+@njit
+def expose(rows, i, shared, platform, now, latency):
+    """Take a picture if one is due; a board in view joins the queue of detections, to arrive after `latency`."""
+    state, vehicle, x = rows.state[i], rows.vehicle[i], rows.scratch[i]
+    if now < state[S_EXPOSURE] - 1e-9:
+        return
+    state[S_EXPOSURE] = max(state[S_EXPOSURE] + state[S_PERIOD], now + 0.5 * TICK)
+    if state[S_VISIBLE] == 0.0 or state[S_PENDING] >= QUEUE:
+        return
+    observed, q, v = x[X_OBSERVED : X_OBSERVED + 10], x[X_Q : X_Q + 4], x[X_V : X_V + 3]
+    q[0], q[1], q[2], q[3] = board_quaternion(platform)
+    v[0], v[1], v[2] = board_velocity(platform)
+    observe_board(
+        vehicle[P : P + 3],
+        vehicle[Q : Q + 4],
+        vehicle[V : V + 3],
+        platform[0:3],
+        q,
+        v,
+        rows.camera[i],
+        shared.noise,
+        state[S_NOISE],
+        state[S_BIAS : S_BIAS + 7],
+        rows.rng[i],
+        observed,
+    )
+    sigma = x[X_SIGMA : X_SIGMA + 3]
+    axis = optical_axis(vehicle[Q : Q + 4], rows.camera[i])
+    lateral, depth = observed[7] * observed[7], observed[8] * observed[8]
+    dx, dy, dz = platform[0] - vehicle[P], platform[1] - vehicle[P + 1], platform[2] - vehicle[P + 2]
+    floor = ODOMETRY_SIGMA**2 + POINTING_SIGMA**2 * (dx * dx + dy * dy + dz * dz)
+    for k in range(3):
+        sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k] + floor)
+    turned = math.hypot(observed[9], POINTING_SIGMA)
+    z, r = x[X_Z : X_Z + 5], x[X_R : X_R + 5]
+    if not measurement_from_pose(observed[0:3], observed[3:7], sigma, turned, z, r):
+        return
+    slot = S_QUEUE + int(state[S_PENDING]) * SLOT
+    state[slot], state[slot + 1] = now + latency, now
+    state[slot + 2 : slot + 7] = z
+    state[slot + 7 : slot + 12] = r
+    state[S_PENDING] += 1.0
+
+
+@njit
+def deliver(rows, i, shared, now):
+    """Feed the filter every detection that has arrived by `now`."""
+    state = rows.state[i]
+    while state[S_PENDING] > 0.0 and state[S_QUEUE] <= now + 1e-9:
+        z, r = state[S_QUEUE + 2 : S_QUEUE + 7], state[S_QUEUE + 7 : S_QUEUE + 12]
+        belief_update(rows.belief[i], state[S_QUEUE + 1], z, r, shared.belief)
+        state[S_RAW + 6 : S_RAW + 12] = state[S_RAW : S_RAW + 6]
+        state[S_RAW : S_RAW + 5] = z
+        state[S_RAW + 5] = state[S_QUEUE + 1]
+        count = int(state[S_PENDING])
+        for k in range(S_QUEUE, S_QUEUE + (count - 1) * SLOT):
+            state[k] = state[k + SLOT]
+        state[S_PENDING] -= 1.0
+
+
+@njit
+def raw_estimate(state, out):
+    """The paper's ablation without input augmentation: last pose as it is, velocity from the last two poses."""
+    new, old = S_RAW, S_RAW + 6
+    dt = state[new + 5] - state[old + 5]
+    out[0], out[1], out[2], out[3], out[6] = state[new], state[new + 1], state[new + 2], state[new + 3], state[new + 4]
+    out[4] = out[5] = out[7] = 0.0
+    if dt > 0.0 and state[old + 2] != 0.0:
+        dx, dy = state[new] - state[old], state[new + 1] - state[old + 1]
+        out[4] = (dx * math.cos(out[3]) + dy * math.sin(out[3])) / dt
+        out[5] = wrap(state[new + 3] - state[old + 3]) / dt
+
+
+@njit
+def see(rows, i, shared, platform, latency):
+    """One step of perception: look, expose, deliver, predict. Writes the believed row and returns the policy's rho."""
+    state = rows.state[i]
+    now = state[S_STEP] * TICK
+    look(rows, i, shared, platform)
+    expose(rows, i, shared, platform, now, latency)
+    deliver(rows, i, shared, now)
+    believed = rows.believed[i]
+    rho = belief_predict(rows.belief[i], now, shared.belief, believed)
+    dx, dy, dz = believed[0] - platform[0], believed[1] - platform[1], believed[2] - platform[2]
+    state[S_ERROR] = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if shared.config[C_AUGMENTATION] == 0.0:
+        raw_estimate(state, believed)
+    return rho if shared.config[C_RHO] > 0.0 and shared.config[C_AUGMENTATION] > 0.0 else 1.0
+
+
+@njit
+def latency_now(rows, i):
+    """The detector's latency for this exposure, s."""
+    return rows.state[i, S_LATENCY] + uniform(rows.rng[i], -_JITTER, _JITTER)

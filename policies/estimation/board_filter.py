@@ -1,0 +1,116 @@
+"""The belief for flight: detections and times in nanoseconds in, the board as believed now out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from policies.estimation.board_ekf import (
+    ACCEPTED,
+    B_ACCEPTED,
+    B_REJECTED,
+    B_STREAK,
+    BELIEF_DIM,
+    CODES,
+    IMPLAUSIBLE,
+    RESTARTED,
+    M,
+    belief_covariance,
+    belief_predict,
+    belief_reset,
+    belief_update,
+    belief_valid,
+    measurement_from_pose,
+    surface_sigma,
+)
+from policies.estimation.ctrv import BeliefParams, N
+
+
+class BoardEstimate(NamedTuple):
+    """Output of `BoardFilter`: the board predicted to `stamp_ns`."""
+
+    stamp_ns: int
+    valid: bool
+    position: tuple[float, float, float]
+    heading: float
+    speed: float
+    turn_rate: float
+    inclination: float
+    rho: float
+    last_exposure_ns: int
+    accepted: int
+    rejected: int
+    variance: tuple[float, ...]  # of the state, in its order, predicted to stamp_ns
+    acceleration: float  # m/s^2, along the heading
+    streak: int  # measurements accepted since the last (re)start
+    surface_sigma: float  # m, of the board's surface along its normal at the newest exposure
+
+
+class BoardFilter:
+    """The filter for flight: nanoseconds in, `BoardEstimate` out. `row` is open to the planner."""
+
+    def __init__(self, params: BeliefParams | None = None) -> None:
+        self.params = (params or BeliefParams()).row()
+        self.row = np.zeros(BELIEF_DIM)
+        self._z, self._r = np.zeros(M), np.zeros(M)
+        self._x, self._p, self._out = np.zeros(8), np.zeros(N * N), np.zeros(8)
+        self._origin_ns = self._exposure_ns = 0
+
+    def reset(self) -> None:
+        """Forget everything, counts included."""
+        belief_reset(self.row)
+        self._exposure_ns = 0
+
+    def seconds(self, stamp_ns: int) -> float:
+        """`stamp_ns` on the row's time axis."""
+        return (stamp_ns - self._origin_ns) * 1e-9
+
+    def update(
+        self,
+        exposure_ns: int,
+        position: tuple[float, float, float],
+        quaternion: tuple[float, float, float, float],
+        position_sigma: float | tuple[float, float, float],
+        orientation_sigma: float,
+    ) -> str:
+        """Feed a detection (world ENU; quaternion wxyz, world from board); returns one of `CODES`.
+
+        `position_sigma` is one number or one for each world axis, m; `orientation_sigma` rad.
+        """
+        if self.row[B_STREAK] == 0.0:
+            self._origin_ns = exposure_ns
+        sigma = np.array(position_sigma, dtype=np.float64) * np.ones(3)
+        p, q = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
+        sane = measurement_from_pose(p, q, sigma, orientation_sigma, self._z, self._r)
+        if not sane and np.isfinite(self._z).all() and np.isfinite(self._r).all():
+            self.row[B_REJECTED] += 1.0
+            return CODES[IMPLAUSIBLE]
+        code = belief_update(self.row, self.seconds(exposure_ns), self._z, self._r, self.params)
+        if code in (ACCEPTED, RESTARTED):
+            self._exposure_ns = exposure_ns
+        return CODES[code]
+
+    def estimate(self, now_ns: int) -> BoardEstimate:
+        """The board predicted to `now_ns`."""
+        t = self.seconds(now_ns)
+        rho = belief_predict(self.row, t, self.params, self._out)
+        belief_covariance(self.row, t, self.params, self._x, self._p)
+        x, y, z, heading, speed, turn, inclination, _ = (float(value) for value in self._out)
+        return BoardEstimate(
+            now_ns,
+            bool(belief_valid(self.row, t, self.params)),
+            (x, y, z),
+            heading,
+            speed,
+            turn,
+            inclination,
+            float(rho),
+            self._exposure_ns,
+            int(self.row[B_ACCEPTED]),
+            int(self.row[B_REJECTED]),
+            tuple(float(v) for v in self._p[:: N + 1]),
+            float(self._x[7]),
+            int(self.row[B_STREAK]),
+            float(surface_sigma(self.row)),
+        )

@@ -1,0 +1,63 @@
+"""The vehicle's estimate of itself, brought from its stamp to now: it is a control tick old when a policy reads it.
+
+In a flare the vehicle brakes by 10 m/s^2 and turns by 3 rad/s: 10 ms are 0.1 m/s and 2 deg, and a plan that begins with
+those ends centimetres behind a board that moves.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from kernel.jit import njit
+from kernel.rotations import body_z, from_rotation_vector, multiply
+from vehicle.quadrotor.airframe import GRAVITY
+
+NOW_P, NOW_V, NOW_Q, NOW_DIM = 0, 3, 6, 10  # of a `vehicle_now` row: position, velocity, orientation
+
+Vec3 = tuple[float, float, float]
+
+
+class VehicleView(Protocol):
+    """The vehicle's own estimate (hil.contract.messages.VehicleState has these)."""
+
+    @property
+    def stamp_ns(self) -> int: ...
+    @property
+    def position(self) -> Vec3: ...
+    @property
+    def velocity(self) -> Vec3: ...
+    @property
+    def orientation(self) -> tuple[float, float, float, float]: ...
+    @property
+    def body_rate(self) -> Vec3: ...
+
+
+@njit
+def vehicle_now(age, p, v, q, w, thrust, drag, out):
+    """Position, velocity (world) and orientation (wxyz, world from body) `age` s after the estimate, into `out` (10,).
+
+    `p`, `v`, `w` (3,), `q` (4,): the estimate, with body rate `w` rad/s (FLU); `thrust`: what the motors gave since
+    then, m/s^2 along the body z axis; `drag` 1/s. Both are held over `age`.
+    """
+    turn = from_rotation_vector(age * w[0], age * w[1], age * w[2])
+    turned = multiply((q[0], q[1], q[2], q[3]), turn)
+    half = from_rotation_vector(0.5 * age * w[0], 0.5 * age * w[1], 0.5 * age * w[2])
+    zx, zy, zz = body_z(multiply((q[0], q[1], q[2], q[3]), half))
+    for i in range(3):
+        z = zx if i == 0 else (zy if i == 1 else zz)
+        a = thrust * z - drag * v[i] - (GRAVITY if i == 2 else 0.0)
+        out[NOW_P + i] = p[i] + age * (v[i] + 0.5 * age * a)
+        out[NOW_V + i] = v[i] + age * a
+    for i in range(4):
+        out[NOW_Q + i] = turned[i]
+
+
+def odometry_now(
+    now_ns: int, vehicle: VehicleView, thrust: float, drag: float, row: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(position, velocity, orientation) of `vehicle` at `now_ns`, as views of `row` ((NOW_DIM,)); see `vehicle_now`."""
+    age = (now_ns - vehicle.stamp_ns) * 1e-9
+    vehicle_now(age, vehicle.position, vehicle.velocity, vehicle.orientation, vehicle.body_rate, thrust, drag, row)
+    return row[NOW_P:NOW_V], row[NOW_V:NOW_Q], row[NOW_Q:NOW_DIM]

@@ -1,0 +1,88 @@
+"""Whatever can be put through the tables, by name: a network, the planners, the expert that knows the future, and the
+paper's model-based baseline."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from policies.baselines.fast_perching_policy import FastPerching
+from policies.environment.config import EnvConfig
+from policies.environment.env import Env
+from policies.evaluation.evaluate import Policy
+from policies.flying.contract import check_contract, open_policy
+from policies.flying.shipped import SHIPPED, policy_file
+from policies.teachers.planner import ANALYTIC, LEARNED, PlannerInEnv
+from policies.teachers.teacher import Teacher
+
+NAMES = (*SHIPPED, "planner", "planner-analytic", "expert", "fast-perching", "fast-perching-ctrv")
+
+
+class OnnxPolicy:
+    """An exported policy as an `evaluate.Policy`: what flies, on the training's environment. Raises ContractError."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.session, self.contract = open_policy(path)
+        check_contract(self.contract)
+        self._input = self.session.get_inputs()[0].name
+
+    def __call__(self, env: Env) -> np.ndarray:
+        return self.session.run(None, {self._input: env.rows.observation})[0]
+
+
+class Expert:
+    """The teacher flying: it knows the board's future and the thrust gain. An upper bound, not a policy."""
+
+    def __init__(self) -> None:
+        self._env: Env | None = None
+
+    def __call__(self, env: Env) -> np.ndarray:
+        if env is not self._env:
+            self._env, self._teacher = env, Teacher(env)
+        return self._teacher.act()
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A policy and what it was made for."""
+
+    name: str
+    policy: Policy
+    stage: str  # what it was trained for, or "vision"
+    stride: int = EnvConfig.stride
+    airframe: str = EnvConfig.airframe
+
+    def config(self, stage: str | None, seed: int, **changes: object) -> EnvConfig:
+        """The environment to judge it in; `stage` None: its own. Odometry is perfect in the state stage.
+
+        `seed`: the environment's, see `evaluate.evaluation_seed`; `changes`: further settings of EnvConfig.
+        """
+        stage = stage or self.stage
+        settings = {"odometry_noise": 0.0 if stage == "state" else 1.0, "noise_scale": (1.0, 1.0), **changes}
+        return EnvConfig(stage=stage, stride=self.stride, seed=seed, airframe=self.airframe, **settings)  # type: ignore[arg-type]
+
+
+def open_contender(name: str) -> Contender:
+    """`vision` and `state` (the networks that come with the project), `planner` (it predicts by a network),
+    `planner-analytic`, `expert` (with foresight), `fast-perching` (which takes the board to go straight on),
+    `fast-perching-ctrv` (or to keep its turn rate), or an ONNX file's path.
+
+    Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
+    """
+    if name.startswith("fast-perching") and name in NAMES:
+        return Contender(name, FastPerching(turning=name.endswith("ctrv")), "state")
+    if name == "expert":
+        return Contender(name, Expert(), "vision")
+    file = policy_file(name)
+    if file is None and name in NAMES:
+        return Contender(name, PlannerInEnv(LEARNED if name == "planner" else ANALYTIC), "vision")
+    if file is None or file.suffix != ".onnx":
+        near = difflib.get_close_matches(name, NAMES, 1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise ValueError(f"no policy '{name}': give {', '.join(NAMES)} or the path of an .onnx file{hint}")
+    made = OnnxPolicy(file)
+    contract = made.contract
+    return Contender(contract.name, made, contract.stage, contract.observation.stride, contract.airframe)

@@ -1,0 +1,165 @@
+"""What an ONNX policy promises about itself, carried in the file's metadata, and the check before it may fly.
+
+A policy trained on another observation layout, action scaling, airframe or camera produces plausible numbers and a
+strange flight; a mismatch must therefore be one clear error before take-off.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from policies.task.observation import HISTORY, LAYOUT_NAME, LAYOUT_VERSION, OBS_DIM, RATE_MAX, THRUST_MAX, THRUST_MIN
+
+METADATA_KEY = "perch_hil_contract"
+_RETRAIN = "; train it with this version of the project"
+CONTRACT_FORMAT = 1
+
+
+class ContractError(ValueError):
+    """A policy file that cannot be flown, with the reason in one line."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ObservationContract(_Part):
+    """Which vector the network reads: layout by name and version, `history` entries every `stride` control steps."""
+
+    layout: str = LAYOUT_NAME
+    version: int = LAYOUT_VERSION
+    history: int = HISTORY
+    stride: int = Field(default=3, ge=1, le=10)
+    dimension: int = OBS_DIM
+
+
+class ActionContract(_Part):
+    """Paper Eq. of the CTBR action: output in [-1, 1], order roll, pitch, yaw rate, thrust. m/s^2 and rad/s."""
+
+    thrust_min: float = THRUST_MIN
+    thrust_max: float = THRUST_MAX
+    rate_max: float = RATE_MAX
+
+
+class CameraContract(_Part):
+    """The camera trained with: px, m (body FLU), rad below body x."""
+
+    width: int = 1280
+    height: int = 720
+    fx: float = 723.9
+    fy: float = 723.6
+    cx: float = 639.5
+    cy: float = 359.5
+    offset: tuple[float, float, float] = (0.08, 0.0, 0.0)
+    tilt: float = 0.2617993877991494
+
+    def like(self, other: CameraContract) -> bool:
+        """Whether it is the same but for rounding."""
+        mine, its = ([c.width, c.height, c.fx, c.fy, c.cx, c.cy, *c.offset, c.tilt] for c in (self, other))
+        return all(math.isclose(a, b, abs_tol=1e-9) for a, b in zip(mine, its, strict=True))
+
+
+class Provenance(_Part):
+    """Where the weights come from: enough to train them again."""
+
+    recipe: str
+    seed: int
+    samples: int = Field(ge=0, description="environment steps trained on, ancestors included")
+    commit: str = "unknown"
+    parent: str = ""
+    note: str = ""
+
+
+class Contract(_Part):
+    """Everything a flight must agree with.
+
+    Normalisation (x - shift) / scale is applied inside the graph: one number for each entry of a history element, then
+    for each of the tail; listed here so that a reader can tell a unit from a bug.
+    """
+
+    format: Literal[1] = CONTRACT_FORMAT
+    name: str
+    stage: Literal["state", "vision"]
+    control_hz: int = 100
+    airframe: str
+    observation: ObservationContract = ObservationContract()
+    action: ActionContract = ActionContract()
+    camera: CameraContract = CameraContract()
+    provenance: Provenance
+    shift: tuple[float, ...] = ()
+    scale: tuple[float, ...] = ()
+
+
+def parse_contract(text: str, where: str = "policy") -> Contract:
+    """Contract from its JSON. Raises ContractError naming the first field that is wrong."""
+    try:
+        return Contract.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"]) or "contract"
+        raise ContractError(
+            f"{where}: contract field '{field}': {first['msg']}; export it again with this version"
+        ) from None
+
+
+def open_policy(path: str | Path) -> tuple[Any, Contract]:
+    """ONNX Runtime session (one thread, no spinning) and contract of a policy file. Raises ContractError."""
+    import onnxruntime
+
+    path = Path(path)
+    if not path.is_file():
+        raise ContractError(f"policy {path} does not exist; train one or name a file under policies/checkpoints")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 4
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises a family of bare exceptions for a damaged file
+        reason = " ".join(str(error).split())[:160]
+        raise ContractError(f"policy {path} is not a readable ONNX model ({reason}); copy or export it again") from None
+    text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+    if text is None:
+        raise ContractError(f"policy {path} carries no '{METADATA_KEY}' metadata; export it with `perch-hil train`")
+    contract = parse_contract(text, f"policy {path}")
+    size = session.get_inputs()[0].shape[-1]
+    if size != contract.observation.dimension:
+        raise ContractError(
+            f"policy {path} reads {size} numbers but its contract promises {contract.observation.dimension}"
+        )
+    return session, contract
+
+
+def read_contract(path: str | Path) -> Contract:
+    """The contract of a policy file, checked against what this build can fly. Raises ContractError."""
+    contract = open_policy(path)[1]
+    check_contract(contract)
+    return contract
+
+
+def check_contract(
+    contract: Contract, *, airframe: str | None = None, camera: CameraContract | None = None, stage: str | None = None
+) -> None:
+    """Raise ContractError, naming policy's and expected value, unless the policy fits this build and this flight."""
+    here = ObservationContract(stride=contract.observation.stride)
+    _same(contract, "observation layout", contract.observation.layout, here.layout)
+    _same(contract, "observation version", contract.observation.version, here.version, _RETRAIN)
+    _same(contract, "observation history", contract.observation.history, here.history)
+    _same(contract, "observation dimension", contract.observation.dimension, here.dimension)
+    _same(contract, "action scaling", contract.action, ActionContract())
+    _same(contract, "control rate in Hz", contract.control_hz, 100)
+    if airframe is not None:
+        _same(contract, "airframe", contract.airframe, airframe)
+    if stage is not None:
+        _same(contract, "stage", contract.stage, stage)
+    if camera is not None and contract.stage == "vision" and not contract.camera.like(camera):
+        _same(contract, "camera", contract.camera, camera)
+
+
+def _same(contract: Contract, what: str, has: object, wanted: object, mend: str = "") -> None:
+    if has != wanted:
+        raise ContractError(f"policy '{contract.name}' was made for {what} {has}, this flight has {wanted}{mend}")

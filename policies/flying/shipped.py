@@ -1,0 +1,15 @@
+"""The networks that come with the project: flown by name, wherever it is installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+SHIPPED = ("vision", "state")  # made for a camera's belief; made to be told where the board is
+_FOLDER = Path(__file__).parents[1] / "checkpoints"
+
+
+def policy_file(policy: str) -> Path | None:
+    """The file behind `policy`, a shipped network's name or a path; None if it has none, as the planners."""
+    if policy in SHIPPED:
+        return _FOLDER / f"{policy}.onnx"
+    return Path(policy) if Path(policy).suffix or "/" in policy else None

@@ -1,0 +1,82 @@
+"""Torch weights to the ONNX file that flies, its contract in the metadata."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+
+from policies.flying.contract import METADATA_KEY, Contract, ContractError, open_policy
+from policies.network.actor_critic import Actor, FlightActor
+from policies.task.observation import OBS_DIM
+
+MAX_BYTES = 2_000_000
+TOLERANCE = 1e-5
+_COMPARED = 256  # observations at most
+
+
+def export(actor: Actor, contract: Contract, path: str | Path, observations: np.ndarray | None = None) -> float:
+    """Write `path`, read it back and compare with torch; returns the largest difference (of actions in [-1, 1]).
+
+    `observations` ((N, OBS_DIM) float32) are what they are compared on; without any, random numbers.
+
+    Raises ContractError if a weight is not finite, ONNX and torch disagree by more than 1e-5, or the file is over 2 MB;
+    the old file is kept then.
+    """
+    path = Path(path)
+    if not all(bool(torch.isfinite(value).all()) for value in actor.state_dict().values()):
+        raise ContractError(f"policy '{contract.name}' has weights that are not finite; {path} was not written")
+    flight = FlightActor(actor).to("cpu").eval()
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the exporter needing no further package is deprecated; torch is pinned
+        torch.onnx.export(
+            flight,
+            (torch.zeros(1, OBS_DIM),),
+            buffer,  # type: ignore[arg-type]  # any file object will do
+            input_names=["observation"],
+            output_names=["action"],
+            opset_version=17,
+            dynamic_axes={"observation": {0: "batch"}, "action": {0: "batch"}},
+            dynamo=False,
+        )
+    model = onnx.load_from_string(buffer.getvalue())
+    onnx.helper.set_model_props(model, {METADATA_KEY: contract.model_dump_json()})
+    data = model.SerializeToString()
+    if len(data) > MAX_BYTES:
+        raise ContractError(
+            f"policy '{contract.name}' takes {len(data)} bytes, more than {MAX_BYTES}; use a smaller network"
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trial = path.with_suffix(".tmp.onnx")
+    trial.write_bytes(data)
+    try:
+        difference = compare(flight, trial, observations)
+        if not difference <= TOLERANCE:
+            raise ContractError(
+                f"ONNX and torch differ by {difference:.2e}, more than {TOLERANCE}; {path} was not written"
+            )
+        trial.replace(path)
+    finally:
+        trial.unlink(missing_ok=True)
+    return difference
+
+
+def compare(flight: FlightActor, path: Path, observations: np.ndarray | None = None) -> float:
+    """Largest difference of action between torch and the ONNX file on `observations`, as `export` takes them.
+
+    Random ones are of physical size, but no board jumps about like that: a well trained network differs by ten times as
+    much on them.
+    """
+    session, _ = open_policy(path)
+    if observations is None:
+        observations = np.random.default_rng(0).normal(0.0, 1.5, (_COMPARED, OBS_DIM)).astype(np.float32)
+    observation = observations[:_COMPARED]
+    with torch.no_grad():
+        wanted = flight(torch.from_numpy(observation)).numpy()
+    got = np.concatenate([session.run(None, {"observation": row[None]})[0] for row in observation])
+    return float(np.abs(got - wanted).max())

@@ -1,0 +1,101 @@
+"""The last quarter second: thrust alone decides when and how the drone touches.
+
+By then the body's z axis turns onto the board's normal, and to turn the drone otherwise would spoil that. Thrust acts
+along the axis and turns nothing, so it can answer what the board did since the plan was frozen. On a steep board
+gravity pulls the drone along the slope by up to g: contact a tenth of a second off skids. So a thrust is judged by what
+it leads to: speed along the board, speed into the board, and contact before or after the attitude has arrived.
+"""
+
+from __future__ import annotations
+
+import math
+
+from groundcar.motion.pose import board_normal
+from kernel.jit import njit
+from policies.planner import params as pp
+
+_FROM, _FULL = 0.5, 0.8  # cosine between body z and normal: from where, and where it fully counts
+_CHOICES = 15
+_NEAREST = 0.003  # m
+
+
+@njit
+def approach(p, v, zx, zy, zz, platform, below, radius):
+    """How the underside's disc nears the board: height of its lowest point over the board's plane (m), closing speed of
+    the drone's centre (m/s), cosine between body z and normal, squared distance of the centre from the normal (m^2).
+
+    `below`, `radius`: the disc of the contact criterion, m; the rest as in `touch_thrust`.
+    """
+    nx, ny, nz = board_normal(platform)
+    c, s = math.cos(platform[3]), math.sin(platform[3])
+    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
+    cosine = nx * zx + ny * zy + nz * zz
+    sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
+    centre = nx * dx + ny * dy + nz * dz
+    closing = -(nx * (v[0] - platform[4] * c) + ny * (v[1] - platform[4] * s) + nz * v[2])
+    return centre - below * cosine - radius * sine, closing, cosine, dx * dx + dy * dy + dz * dz - centre * centre
+
+
+@njit
+def _cost(height, speed, away, sideways, along, left, wanted, params):
+    """What a contact costs that is made from `height` m: infinite if it leads to none.
+
+    `speed` towards the board and `along` it, m/s; `away`, `sideways` the accelerations under the thrust that is judged,
+    m/s^2.
+    """
+    root = speed * speed - 2.0 * away * height
+    if root < 0.0 or (speed <= 0.0 and away >= 0.0):
+        return math.inf
+    into = math.sqrt(root)
+    time = 2.0 * height / (speed + into) if speed > 0.0 else (speed - into) / away
+    skid = (along + sideways * time) / params[pp.TOUCH_SKID]
+    hard = (into - wanted) / params[pp.TOUCH_BAND]
+    early = max(0.0, left - time) / params[pp.TOUCH_EARLY]
+    late = max(0.0, time - left) / params[pp.TOUCH_LATE]
+    return skid * skid + hard * hard + early * early + late * late
+
+
+@njit
+def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given, gain, sigma, params):
+    """Thrust (m/s^2) whose contact is the best that thrust can still reach.
+
+    `p`, `v` (3,) world; (zx, zy, zz) body z; `platform` (8,) the board now, `acceleration` its own along its heading,
+    m/s^2; `left` s to the planned contact; `planned`: the plan's thrust, which counts while body z is far from the
+    normal; `given`: thrust that the motors give now; `gain`: achieved over asked thrust; `sigma` m of the board's
+    surface along its normal: a thrust is judged by where the surface is believed to be, half, and by where else it may
+    be. Motors lag: until they have followed, the old thrust goes on acting, which is taken off the speeds at once.
+    """
+    height, closing, cosine, _ = approach(p, v, zx, zy, zz, platform, params[pp.ROBOT_L], params[pp.ROBOT_R])
+    share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
+    if share <= 0.0:
+        return planned
+    nx, ny, nz = board_normal(platform)
+    c, s = math.cos(platform[3]), math.sin(platform[3])
+    ux, uy, uz = nz * c, nz * s, math.sin(platform[6])  # up the slope
+    wx, wy, wz = v[0] - platform[4] * c, v[1] - platform[4] * s, v[2]
+    along = ux * wx + uy * wy + uz * wz
+    g, drag = params[pp.GRAVITY], params[pp.DRAG]
+    # Relative to the board and without thrust, along normal and slope; body z is taken to arrive on the normal.
+    normal = -g * nz - drag * (nx * v[0] + ny * v[1] + nz * v[2]) - acceleration * (nx * c + ny * s)
+    slope = -g * uz - drag * (ux * v[0] + uy * v[1] + uz * v[2]) - acceleration * (ux * c + uy * s)
+    lean = 0.5 * (ux * zx + uy * zy + uz * zz)
+    lift = 0.5 * (1.0 + cosine)
+    least, best = math.inf, planned
+    wanted = params[pp.TOUCH_SPEED] + params[pp.TOUCH_STEEP] * math.sin(platform[6])
+    low, high = params[pp.THRUST_MIN] * gain, params[pp.THRUST_MAX] * gain
+    lag, spread = params[pp.TOUCH_LAG], params[pp.TOUCH_UNSURE] * sigma
+    for k in range(_CHOICES):
+        f = low + (high - low) * k / (_CHOICES - 1)
+        away, sideways = f * lift + normal, f * lean + slope
+        speed, sliding = closing - (given - f) * lift * lag, along + (given - f) * lean * lag
+        cost = min(1e3 + f, _cost(max(_NEAREST, height), speed, away, sideways, sliding, left, wanted, params))
+        if spread > _NEAREST:
+            cost *= 0.5
+            for side in (-1.0, 1.0):
+                there = max(_NEAREST, height + side * spread)
+                other = _cost(there, speed, away, sideways, sliding, left, wanted, params)
+                cost += 0.25 * min(params[pp.TOUCH_MISS], other)
+        cost += params[pp.TOUCH_KEEP] * (f - planned) * (f - planned)
+        if cost < least:
+            least, best = cost, f
+    return planned + share * (best - planned)

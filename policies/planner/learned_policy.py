@@ -1,0 +1,38 @@
+"""The planner fed by the learned motion predictor, as a flying policy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policies.estimation.odometry import VehicleView
+from policies.flying.onnx_policy import BoardView, Command
+from policies.planner.learned_planner import MEMORY_DIM, planner_on_learned
+from policies.planner.params import PlannerParams
+from policies.planner.policy import PlannerPolicy
+from policies.prediction.future import STEP
+from policies.prediction.learned import SCRATCH_DIM, load_predictor
+from vehicle.quadrotor.airframe import Airframe
+
+
+class LearnedPlannerPolicy(PlannerPolicy):
+    """`PlannerPolicy` whose future comes from the network; without enough history it is the analytic one."""
+
+    def __init__(self, airframe: Airframe, params: PlannerParams | None = None, net: np.ndarray | None = None) -> None:
+        """`net`: row of `predictor.load_predictor`, by default the committed one. Raises what that raises."""
+        self._net = load_predictor() if net is None else net
+        self._memory, self._scratch = np.zeros(MEMORY_DIM), np.zeros(SCRATCH_DIM, dtype=np.float32)
+        super().__init__(airframe, params)
+
+    def reset(self, now_ns: int) -> None:
+        """Start anew; `now_ns` becomes second 0."""
+        super().reset(now_ns)
+        self._memory[:] = 0.0
+
+    def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
+        """One control tick."""
+        t, position, velocity, orientation = self._look(now_ns, vehicle, board)
+        phase = planner_on_learned(
+            self._state, self._memory, t, position, velocity, orientation, self._x, self._estimate, self._future, STEP,
+            self._params, self._net, self._scratch, self._out,
+        )  # fmt: skip
+        return self._command(phase)

@@ -1,0 +1,126 @@
+"""The run-up to a steep board: a motion relative to the board that ends where the flare can begin.
+
+On a steep board the drone ends nose-up, and while it turns up its thrust brakes it by several m/s: it has to arrive
+fast. Seen backward from contact: a flare of constant thrust and body rate, before that a level coast in which the
+camera sees the board again, before that an acceleration gentle enough to keep the camera's pitch, from a standoff at
+rest. The run-up is flown on the present belief alone; only the last second has to be planned on a prediction.
+
+All of it lives in the vertical plane of the board's heading: x forward, z up, from the board's centre, in its motion.
+"""
+
+from __future__ import annotations
+
+import math
+
+from kernel.jit import njit
+from policies.planner import params as pp
+from policies.planner.follow import command_acceleration, face, keep_in_view
+from policies.prediction.speed_history import history_range
+
+_LOOK_DOWN = math.radians(33.7)  # below the horizon the camera still sees the board where the run-up begins
+_CRAWL, _STRIDE = 0.5, 1.75  # m/s: a slow board, and one that is not
+_STEADY = 0.3  # m/s, a range of speeds that makes no moment better than another
+
+
+@njit
+def runs_up(platform, params):
+    """True for a board so steep for its speed that it takes a run-up: a slow one can be met from any side."""
+    slow = min(1.0, max(0.0, 1.0 - (abs(platform[4]) - _CRAWL) / (_STRIDE - _CRAWL)))
+    return platform[6] >= params[pp.RUN_INCLINATION] + params[pp.RUN_SLOW] * slow
+
+
+@njit
+def flare_gate(inclination, params):
+    """Where and how fast the flare begins, relative to the board: (x m, z m, vx m/s, vz m/s, its duration s)."""
+    f, w, g, into = params[pp.RUN_THRUST], params[pp.RUN_RATE], params[pp.GRAVITY], params[pp.IMPACT_SPEED]
+    s, c = math.sin(inclination), math.cos(inclination)
+    t = inclination / w
+    vx1, vz1, offset = into * s, -into * c, params[pp.ROBOT_L]
+    vx = vx1 + f / w * (1.0 - c)
+    vz = vz1 - f / w * s + g * t
+    x = -offset * s - vx1 * t - f / w * (s / w - t * c)
+    z = offset * c - vz1 * t + f / w * (t * s - (1.0 - c) / w) - 0.5 * g * t * t
+    return x, z, vx, vz, t
+
+
+@njit
+def runup_time(inclination, params):
+    """Seconds from the standoff to the gate."""
+    return params[pp.RUN_COAST] + flare_gate(inclination, params)[2] / params[pp.RUN_ACCEL]
+
+
+@njit
+def _rise(inclination, params):
+    """Vertical acceleration (m/s^2) of the run-up: it begins high, but no higher than the camera can look down from.
+
+    At its end the nose is down by as much as the camera's half field of view: a board that is not far enough below
+    leaves the picture by its upper edge.
+    """
+    x, z, vx, vz, _ = flare_gate(inclination, params)
+    time = runup_time(inclination, params)
+    away = vx * time - 0.5 * vx * vx / params[pp.RUN_ACCEL] - x
+    seen = 2.0 * (away * math.tan(_LOOK_DOWN) - z + vz * time) / (time * time)
+    return min(params[pp.RUN_RISE], max(0.0, seen))
+
+
+@njit
+def met_slow(future, step, inclination, share, history, params):
+    """True if a run-up begun now meets the board in the lowest `share` of its speeds, remembered and foretold.
+
+    Fast is hard: the flare begins faster, the camera has been pitched away from the board for longer, and an error in
+    the time of contact is a larger error along the board. A board that hardly changes its speed is never waited for.
+    `future` (K, 8) from now on, `history` a speed history row.
+    """
+    ahead = (runup_time(inclination, params) + flare_gate(inclination, params)[4]) / step
+    least, most = history_range(history)
+    for k in range(future.shape[0]):
+        least, most = min(least, abs(future[k, 4])), max(most, abs(future[k, 4]))
+    then = abs(future[min(future.shape[0] - 1, int(ahead + 0.5)), 4])
+    return most - least < _STEADY or then <= least + share * (most - least)
+
+
+@njit
+def runup_reference(left, inclination, params):
+    """(x, z, vx, vz, ax, az) relative to the board, `left` s before the gate (negative: coasting on past it)."""
+    x, z, vx, vz, _ = flare_gate(inclination, params)
+    az, ax = _rise(inclination, params), 0.0
+    z, vz = z - vz * left + 0.5 * az * left * left, vz - az * left
+    x -= vx * left
+    if left > params[pp.RUN_COAST]:
+        ax = params[pp.RUN_ACCEL]
+        since = min(left - params[pp.RUN_COAST], vx / ax)
+        x += 0.5 * ax * since * since + vx * (left - params[pp.RUN_COAST] - since)
+        vx -= ax * since
+    return x, z, vx, vz, ax, az
+
+
+@njit
+def fly_runup(left, resting, p, v, q, platform, acceleration, gain, params, out):
+    """Track the run-up, or with `resting` its starting point; fills `out` (4,). Returns position and speed error.
+
+    `left` s to the gate; `acceleration` m/s^2 of the board now.
+    """
+    x, z, ux, uz, ax, az = runup_reference(left, platform[6], params)
+    if resting:
+        ux = uz = ax = az = 0.0
+    c, s = math.cos(platform[3]), math.sin(platform[3])
+    speed, turn = platform[4], platform[5]
+    # The reference turns with the board: its far end swings out.
+    wx, wy = (speed + ux) * c - turn * x * s, (speed + ux) * s + turn * x * c
+    ex, ey, ez = platform[0] + x * c - p[0], platform[1] + x * s - p[1], platform[2] + z - p[2]
+    dx, dy, dz = wx - v[0], wy - v[1], uz - v[2]
+    kp, kv = params[pp.RUN_KP], params[pp.RUN_KV]
+    error, rate = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(dx * dx + dy * dy + dz * dz)
+    pull = kp / kv
+    if resting:
+        pull = min(params[pp.RUN_PULL], params[pp.FOLLOW_SPEED] / max(error, 1e-6))
+    forward, side = ax + acceleration - turn * turn * x, turn * (speed + 2.0 * ux)
+    bx = forward * c - side * s + kv * (dx + pull * ex)
+    by = forward * s + side * c + kv * (dy + pull * ey)
+    bz = az + kv * (dz + pull * ez)
+    tilt = params[pp.FOLLOW_TILT]
+    if resting:
+        bx, by = keep_in_view(bx, by, p, platform, params)
+    yaw_rate = face(q, p, platform, params) + turn
+    command_acceleration(q, v[0], v[1], v[2], bx, by, bz, yaw_rate, tilt, gain, params, out)
+    return error, rate

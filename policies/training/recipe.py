@@ -1,0 +1,153 @@
+"""Recipes: which environment, network and phases of learning make a policy, as TOML in `recipes/`."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from policies.environment.config import EnvConfig
+from policies.network.actor_critic import NetworkConfig
+from policies.task.contact import ContactRules
+from policies.task.reward import RewardWeights
+from policies.training.learners.dagger import DaggerConfig
+from policies.training.learners.layer_fit import LayerFitConfig
+from policies.training.learners.pgpe import PgpeConfig
+from policies.training.learners.ppo import PpoConfig
+
+FOLDER = Path(__file__).with_name("recipes")
+_PHASES = {"dagger": DaggerConfig, "ppo": PpoConfig, "pgpe": PgpeConfig, "fit": LayerFitConfig}
+
+
+T = TypeVar("T")
+
+
+class RecipeError(ValueError):
+    """A recipe that cannot be used, with file, key and what is wrong in one line."""
+
+
+class Phase(BaseModel):
+    """One phase of learning: its settings, and what it changes in the environment, the rules and the reward."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    kind: str
+    settings: dict[str, Any] = Field(default_factory=dict)
+    env: dict[str, Any] = Field(default_factory=dict)
+    rules: dict[str, Any] = Field(default_factory=dict)
+    weights: dict[str, Any] = Field(default_factory=dict)
+    teacher: dict[str, Any] = Field(default_factory=dict)
+
+
+class Recipe(BaseModel):
+    """A recipe file. `env`, `weights`, `rules`, `network` override defaults; `stage_*` override `env` by stage."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    title: str
+    env: dict[str, Any] = Field(default_factory=dict)
+    stage_state: dict[str, Any] = Field(default_factory=dict)
+    stage_vision: dict[str, Any] = Field(default_factory=dict)
+    weights: dict[str, Any] = Field(default_factory=dict)
+    rules: dict[str, Any] = Field(default_factory=dict)
+    network: dict[str, Any] = Field(default_factory=dict)
+    phase: list[Phase] = Field(min_length=1)
+
+    def env_config(self, stage: str, seed: int, phase: Phase | None = None) -> EnvConfig:
+        """The environment of a stage, as changed by a phase. Raises RecipeError."""
+        of_stage = self.stage_vision if stage == "vision" else self.stage_state
+        changes = {**self.env, **of_stage, **(phase.env if phase else {})}
+        rules = {**self.rules, **(phase.rules if phase else {})}
+        weights = {**self.weights, **(phase.weights if phase else {})}
+        config = _override(EnvConfig(stage=stage, seed=seed), changes, f"recipe {self.name}: env")
+        return replace(
+            config,
+            weights=_override(RewardWeights(), weights, f"recipe {self.name}: weights"),
+            rules=_override(ContactRules(), rules, f"recipe {self.name}: rules"),
+        )
+
+    def network_config(self) -> NetworkConfig:
+        """The network. Raises RecipeError."""
+        return _override(NetworkConfig(), self.network, f"recipe {self.name}: network")
+
+    def phase_config(self, phase: Phase) -> DaggerConfig | PpoConfig | PgpeConfig | LayerFitConfig:
+        """The settings of a phase. Raises RecipeError."""
+        if phase.kind not in _PHASES:
+            raise RecipeError(f"recipe {self.name}: phase kind '{phase.kind}' is not one of {', '.join(_PHASES)}")
+        config = _override(_PHASES[phase.kind](), phase.settings, f"recipe {self.name}: {phase.kind}")
+        if isinstance(config, PgpeConfig | LayerFitConfig):
+            if phase.teacher:
+                reason = f"phase kind '{phase.kind}' has no teacher to set; leave [phase.teacher] out"
+                raise RecipeError(f"recipe {self.name}: {reason}")
+            return config
+        return replace(config, teacher=_override(config.teacher, phase.teacher, f"recipe {self.name}: teacher"))
+
+
+def _override(config: T, changes: dict[str, Any], where: str) -> T:
+    known = {item.name for item in fields(config)}  # type: ignore[arg-type]
+    for key, value in changes.items():
+        if key not in known:
+            near = difflib.get_close_matches(key, known, 1)
+            raise RecipeError(f"{where} has no setting '{key}'" + (f"; did you mean '{near[0]}'?" if near else ""))
+        old = getattr(config, key)
+        if not _fits(old, value):
+            raise RecipeError(f"{where}.{key} is {value!r}; it should look like {old!r}")
+        changes = {**changes, key: _like(old, value)}
+    try:
+        return replace(config, **changes)  # type: ignore[type-var]
+    except ValueError as error:
+        raise RecipeError(f"{where}: {error}") from None
+
+
+def _fits(old: Any, value: Any) -> bool:
+    if isinstance(old, tuple):
+        return isinstance(value, list | tuple)
+    if isinstance(old, bool | str):
+        return type(value) is type(old)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return isinstance(old, float) or float(value).is_integer()
+
+
+def _like(old: Any, value: Any) -> Any:
+    if isinstance(old, tuple):
+        return tuple(value)
+    if isinstance(old, bool | str):
+        return value
+    return type(old)(value)
+
+
+def list_recipes() -> list[str]:
+    """Names of the recipes that come with the project."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def load_recipe(name: str | Path) -> Recipe:
+    """The recipe of that name, or of the TOML file at that path. Raises RecipeError."""
+    path = Path(name)
+    if path.suffix != ".toml":
+        path = FOLDER / f"{name}.toml"
+        if not path.exists():
+            near = difflib.get_close_matches(str(name), list_recipes(), 1)
+            hint = f"; did you mean '{near[0]}'?" if near else ""
+            raise RecipeError(f"there is no recipe '{name}': known are {', '.join(list_recipes())}{hint}")
+    try:
+        recipe = Recipe.model_validate({"name": path.stem, **tomllib.loads(path.read_text())})
+    except OSError as error:
+        raise RecipeError(f"{path}: cannot be read ({error.strerror})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RecipeError(f"{path}: not valid TOML: {error}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise RecipeError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    for phase in recipe.phase:
+        recipe.phase_config(phase)
+        recipe.env_config("state", 0, phase)
+        recipe.env_config("vision", 0, phase)
+    recipe.network_config()
+    return recipe

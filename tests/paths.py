@@ -1,0 +1,8 @@
+"""Where tests find the project and their data."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "tests" / "data"
+PX4_DATA = DATA / "px4"
+GOLDEN_RUN = DATA / "runs" / "simple-ii"

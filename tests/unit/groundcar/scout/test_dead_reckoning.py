@@ -1,0 +1,49 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundcar.motion import platform as m
+from groundcar.scout.dead_reckoning import DeadReckoning
+
+MS = 1_000_000
+START = (1.0, -2.0, 0.5)
+
+
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.sampled_from([10, 20, 50]))
+def test_a_circle_is_followed_exactly_however_often_the_car_reports(speed, turn_rate, step_ms):
+    found = DeadReckoning(START, 1.5, 0.7)
+    for k in range(0, 1001, step_ms):
+        found.add(k * MS, speed, turn_rate)
+    row = found.platform_row(1000 * MS)
+    heading = START[2] + turn_rate
+    if abs(turn_rate) < 1e-6:
+        x, y = START[0] + speed * math.cos(START[2]), START[1] + speed * math.sin(START[2])
+    else:
+        radius = speed / turn_rate
+        x = START[0] + radius * (math.sin(heading) - math.sin(START[2]))
+        y = START[1] - radius * (math.cos(heading) - math.cos(START[2]))
+    assert (row[m.X], row[m.Y], row[m.HEADING]) == pytest.approx((x, y, heading), abs=1e-6)
+    assert (row[m.Z], row[m.INCLINATION], row[m.SPEED], row[m.TURN_RATE]) == (1.5, 0.7, speed, turn_rate)
+
+
+def test_it_stands_where_it_was_put_until_the_car_speaks():
+    row = DeadReckoning(START, 1.5, 0.7).platform_row(5000 * MS)
+    assert (row[m.X], row[m.Y], row[m.HEADING], row[m.SPEED]) == (*START, 0.0)
+
+
+def test_between_reports_it_drives_on_but_not_for_ever():
+    found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
+    found.add(0, 2.0, 0.0)
+    assert found.platform_row(100 * MS)[m.X] == pytest.approx(0.2)
+    assert found.platform_row(9000 * MS)[m.X] == pytest.approx(1.0), "half a second's worth"
+
+
+@pytest.mark.parametrize(("stamp", "speed"), [(10 * MS, 5.0), (20 * MS, 5.0), (30 * MS, math.nan)])
+def test_old_reports_and_garbage_change_nothing(stamp, speed):
+    found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
+    found.add(0, 1.0, 0.0)
+    found.add(20 * MS, 1.0, 0.0)
+    found.add(stamp, speed, 0.0)
+    assert found.platform_row(40 * MS)[m.X] == pytest.approx(0.04)

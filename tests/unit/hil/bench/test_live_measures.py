@@ -1,0 +1,117 @@
+"""Checks that read a device on a real wire: software devices in real time stand behind UDP and a CAN bus."""
+
+import socket
+import threading
+import time
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+
+from groundcar.scout.sim import ScoutSim
+from hil.assembly.rig import Rig
+from hil.check.registry import Unavailable, checks
+from hil.wires.can import open_can
+from hil.wires.udp import UdpWire
+from tests.unit.hil.check.made_up import context as make_context
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor.airframe import load_airframe
+
+
+@contextmanager
+def real_time(device, wire):
+    """Steps `device` every two milliseconds by the wall clock."""
+    stop = threading.Event()
+    start = time.monotonic_ns()
+
+    def live():
+        while not stop.wait(0.002):
+            device.step(time.monotonic_ns() - start)
+
+    thread = threading.Thread(target=live)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        wire.close()
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+def with_rig(tmp_path, **slots):
+    rig = Rig.model_validate({"title": "bench", **slots})
+    assert not rig.simulated
+    return replace(make_context(tmp_path), rig=rig, rig_name="bench")
+
+
+def read(context, check, **args):
+    return checks()[check].function(context, **args)
+
+
+def number(context, check, **args) -> float:
+    value = read(context, check, **args).value
+    assert isinstance(value, int | float)
+    return float(value)
+
+
+def test_an_autopilot_on_udp_is_read_without_arming_it(tmp_path):
+    port = free_port()
+    wire = UdpWire(("127.0.0.1", 0), ("127.0.0.1", port), partner="fixed")
+    sim = Px4Sim({"api": wire}, load_airframe("paper_quad"))
+    context = with_rig(tmp_path, vehicle={"kind": "mavlink", "url": f"udp://:{port}", "clock_drift": 0.03})
+    with real_time(sim, wire):
+        try:
+            assert read(context, "vehicle.prearm").ok
+            assert read(context, "vehicle.disarmed").ok
+            assert number(context, "vehicle.heartbeat") < 1.5
+            assert number(context, "vehicle.odometry") > 50.0  # of 100: this test shares its processor
+            assert read(context, "vehicle.parameter", name="COM_OF_LOSS_T").value == pytest.approx(0.3)
+            assert read(context, "vehicle.battery").source == f"autopilot at udp://:{port}"
+            with pytest.raises(Unavailable, match="simulated vehicles only"):
+                read(context, "vehicle.kill")
+            assert not sim.truth().armed
+            context.forget()  # the port is free again: a second look opens it anew
+            assert read(context, "vehicle.disarmed").ok
+        finally:
+            context.forget()
+
+
+def test_a_car_on_a_can_bus_really_stops(tmp_path):
+    wire = open_can("virtual", "check")
+    sim = ScoutSim(wire)
+    context = with_rig(tmp_path, groundcar={"kind": "can", "interface": "virtual", "channel": "check"})
+    with real_time(sim, wire):
+        try:
+            assert read(context, "car.mode").value == "can"
+            stop = read(context, "car.stop", speed=0.3)
+            assert isinstance(stop.value, float)
+            assert 0.45 < stop.value < 0.9
+            assert stop.source == "car on virtual check"
+            time.sleep(0.5)
+            assert abs(sim.speed) < 0.02
+        finally:
+            context.forget()
+
+
+def test_nobody_at_the_address_is_unknown_and_says_what_was_tried(tmp_path, monkeypatch):
+    monkeypatch.setattr("hil.bench.vehicle._ANSWER_LIMIT_NS", 300_000_000)
+    port = free_port()
+    context = with_rig(tmp_path, vehicle={"kind": "mavlink", "url": f"udp://:{port}"})
+    with pytest.raises(Unavailable, match=f"no working link to autopilot at udp://:{port}"):
+        read(context, "vehicle.heartbeat")
+    context.forget()
+    context = with_rig(tmp_path, groundcar={"kind": "can", "interface": "socketcan", "channel": "nocan9"})
+    with pytest.raises(Unavailable, match="nocan9"):
+        read(context, "car.mode")
+
+
+def test_a_camera_or_motion_capture_that_is_not_there_is_unknown_and_says_why(tmp_path):
+    context = with_rig(tmp_path, camera={"kind": "v4l2", "device": "/dev/video77"})
+    with pytest.raises(Unavailable, match="there is no camera /dev/video77"):
+        read(context, "camera.mode")

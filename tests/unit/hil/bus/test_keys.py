@@ -1,0 +1,57 @@
+"""The hub's access list is the contract: nobody hears or says more than his nodes may."""
+
+import pytest
+
+from hil.assembly.builder import Assembly
+from hil.assembly.plan import Plan
+from hil.assembly.simulation import MemoryWires
+from hil.bus.keys import OUTPUTS, access_control
+from hil.bus.leaf import CONTROL, TOPIC
+from hil.live.spec import services
+from scenarios.draw import draw
+
+PLAN = Plan("simple-i", "sim", None, "model")
+
+
+def rules():
+    table = access_control(services(PLAN.rig))
+    return table, {rule["id"]: set(rule["key_exprs"]) for rule in table["rules"]}
+
+
+def test_everything_not_allowed_is_denied():
+    table, _ = rules()
+    assert table["enabled"]
+    assert table["default_permission"] == "deny"
+    assert all(rule["permission"] == "allow" for rule in table["rules"])
+
+
+@pytest.mark.parametrize("kind", ["out", "sub"])
+def test_the_policys_identity_cannot_hear_the_cars_truth(kind):
+    _, keys = rules()
+    assert {TOPIC + "belief", TOPIC + "vehicle/odometry"} <= keys[f"brain-{kind}"]
+    assert not {TOPIC + "truth/board", TOPIC + "mocap/board", TOPIC + "car/command"} & keys[f"brain-{kind}"]
+    assert not any("*" in key for key in keys[f"brain-{kind}"])
+
+
+def test_only_the_policy_commands_and_only_the_gate_says_what_was_sent():
+    _, keys = rules()
+    for topic, service in (("policy/action", "brain"), ("vehicle/sent", "vehicle_link"), ("car/command", "car")):
+        assert [name for name, allowed in keys.items() if name.endswith("-in") and TOPIC + topic in allowed] == [
+            f"{service}-in"
+        ]
+    assert [name for name, allowed in keys.items() if name.endswith("-in") and CONTROL in allowed] == ["supervisor-in"]
+
+
+def test_truth_has_one_source_while_the_vehicle_is_simulated():
+    _, keys = rules()
+    assert TOPIC + "truth/vehicle" in keys["vehicle_device-in"]
+    assert TOPIC + "truth/vehicle" not in keys["vehicle_link-in"]
+    assert TOPIC + "truth/board" not in keys["car-in"]
+
+
+def test_the_table_of_outputs_is_the_nodes_own():
+    twin = Assembly(PLAN.scenario, PLAN.rig, draw(PLAN.scenario, 0), PLAN.make_policy, MemoryWires(PLAN.rig, lambda: 0))
+    for name in twin.names:
+        node = twin.node(name)
+        assert set(node.outputs) - {"event"} <= set(OUTPUTS[name])
+        node.close()

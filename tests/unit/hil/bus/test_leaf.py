@@ -1,0 +1,252 @@
+"""The bus: letters come whole, in order, stamped; readers the contract does not list are refused; bad bytes count."""
+
+import socket
+import time
+
+import pytest
+import zenoh
+
+from hil.bus.leaf import HEALTH, TOPIC, Bus, BusError, Mailbox, open_hub
+from hil.contract import messages as m
+from hil.contract.codec import encode
+
+
+def free_endpoint():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{one.getsockname()[1]}"
+
+
+@pytest.fixture
+def endpoint():
+    where = free_endpoint()
+    with open_hub(where):
+        yield where
+
+
+def belief(number):
+    place = (float(number), 0.0, 1.5)
+    return m.Belief(number, True, place, 0.0, 1.0, 0.0, 0.5, 1.0, number, 1, 0, (1.0, 2.0), 0.0, 1, 0.01)
+
+
+def image(number):
+    return m.Image(number, 640, 480, 1, bytes([number]) * (640 * 480), number)
+
+
+def collect(mailbox, count, limit_s=5.0):
+    letters, until = [], time.monotonic() + limit_s
+    while len(letters) < count and time.monotonic() < until:
+        mailbox.wait(50_000_000)
+        letters += mailbox.drain()
+    return letters
+
+
+def published_until_heard(bus, mailbox, topic, make):
+    """Publish until the subscription, which takes a moment to reach the hub, lets one through.
+
+    Returns (how many were published, what came of them). While sessions are new and the machine is busy some may be
+    lost, the last one too.
+    """
+    for number in range(200):
+        bus.publish(number, topic, make(number))
+        mailbox.wait(20_000_000)
+        letters = mailbox.drain()
+        if letters:
+            while letters[-1].sequence < number and (more := collect(mailbox, 1, 1.0)):
+                letters += more
+            return number + 1, letters
+    raise AssertionError("nothing was ever heard")
+
+
+def test_letters_come_whole_in_order_and_stamped(endpoint):
+    mailbox = Mailbox()
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.subscribe("policy", ["belief"], mailbox)
+        first, _ = published_until_heard(a, mailbox, "belief", belief)
+        for number in range(first, first + 200):
+            assert a.publish(1000 + number, "belief", belief(number)) == number
+        letters = collect(mailbox, 200)
+        assert [letter.sequence for letter in letters] == list(range(first, first + 200))
+        assert all(letter.message == belief(letter.sequence) for letter in letters)
+        assert all(letter.published_ns == 1000 + letter.sequence for letter in letters)
+        assert (mailbox.dropped, mailbox.lost, mailbox.garbage) == ({}, {}, 0)
+    mailbox.close()
+
+
+def test_pictures_come_bit_for_bit(endpoint):
+    mailbox = Mailbox(pictures=60)
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.subscribe("detector", ["camera/image"], mailbox)
+        first, letters = published_until_heard(a, mailbox, "camera/image", image)
+        for number in range(first, first + 20):  # the sessions are no longer new
+            a.publish(number, "camera/image", image(number))
+            letters += collect(mailbox, 1, 0.1)
+        assert letters[-1].sequence > first
+        assert [letter.message for letter in letters] == [image(letter.sequence) for letter in letters]
+    mailbox.close()
+
+
+@pytest.mark.parametrize(
+    ("reader", "topic", "text"),
+    [
+        ("policy", "truth/board", "policy may not read 'truth/board': the contract allows vehicle_device, camera"),
+        ("belief", "mocap/board", "may not read"),
+        ("policy", "truth/bord", "does not list"),
+    ],
+)
+def test_the_contract_says_who_reads(endpoint, reader, topic, text):
+    with Bus(endpoint) as bus, pytest.raises(BusError, match=text):
+        bus.subscribe(reader, [topic], Mailbox())
+
+
+def test_the_recorder_reads_everything(endpoint):
+    with Bus(endpoint) as bus:
+        bus.subscribe("recorder", ["truth/board", "belief"], Mailbox())
+
+
+def test_readers_that_share_a_mailbox_get_each_letter_once(endpoint):
+    mailbox = Mailbox()
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.subscribe("belief", ["vehicle/odometry"], mailbox)
+        b.subscribe("policy", ["vehicle/odometry", "belief"], mailbox)
+        with pytest.raises(BusError, match="may not read"):
+            b.subscribe("referee", ["vehicle/odometry"], mailbox)
+        level = (1.0, 0.0, 0.0, 0.0)
+        first, _ = published_until_heard(
+            a, mailbox, "vehicle/odometry", lambda n: m.VehicleState(n, (0.0,) * 3, (0.0,) * 3, level, (0.0,) * 3)
+        )
+        for number in range(20):
+            a.publish(number, "vehicle/odometry", m.VehicleState(number, (0.0,) * 3, (0.0,) * 3, level, (0.0,) * 3))
+        assert a.publish(0, "belief", belief(0)) == 0
+        letters = []
+        while not letters or letters[-1].topic != "belief":  # nothing of before comes after it
+            letters += collect(mailbox, 1)
+        assert [one.sequence for one in letters if one.topic == "vehicle/odometry"] == list(range(first, first + 20))
+    mailbox.close()
+
+
+def test_garbage_on_a_topic_is_counted_not_delivered(endpoint):
+    mailbox = Mailbox()
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.subscribe("policy", ["belief"], mailbox)
+        published_until_heard(a, mailbox, "belief", belief)
+        stamp = bytes(16)
+        for payload, attachment in ((b"\xff\xff", stamp), (encode(belief(1)), b"short"), (encode(belief(1)), None)):
+            a._session.put(TOPIC + "belief", payload, attachment=attachment)
+        until = time.monotonic() + 5.0
+        while mailbox.garbage < 3 and time.monotonic() < until:
+            mailbox.wait(20_000_000)
+            assert mailbox.drain() == []
+        assert mailbox.garbage == 3
+    mailbox.close()
+
+
+def test_tables_of_the_harness_go_by_their_key(endpoint):
+    heard = []
+    with Bus(endpoint) as a, Bus(endpoint) as b:
+        b.hear(HEALTH + "*", heard.append)
+        until = time.monotonic() + 5.0
+        while not heard and time.monotonic() < until:
+            a._session.put(HEALTH + "x", b"no json")
+            a._session.put(HEALTH + "x", b"[1]")
+            a.say(HEALTH + "x", {"service": "x"})
+            time.sleep(0.02)
+    assert heard
+    assert all(table == {"service": "x"} for table in heard)
+
+
+def test_one_machine_has_one_clock(endpoint):
+    with Bus(endpoint) as bus:
+        clock = bus.clock().measure()
+    assert clock.shared
+    assert clock.offset_ns == 0
+
+
+def test_another_machines_clock_is_measured(endpoint, monkeypatch):
+    monkeypatch.setattr("hil.bus.clock.clock_id", lambda: b"another machine")
+    with Bus(endpoint) as bus:
+        watch = bus.clock()
+        first = watch.measure(tries=5)
+        assert not first.shared
+        assert first.error_ns > 0
+        assert abs(first.offset_ns) <= first.error_ns  # the same clock in truth
+        assert abs(first.date_ns) <= first.error_ns + 1_000_000
+        watch.ask()
+        assert watch.best is not None
+        assert abs(watch.moved_ns) <= 2 * first.error_ns
+
+
+def test_without_a_hub_it_says_what_to_start():
+    with pytest.raises(BusError, match="perch-hil hub"):
+        Bus(free_endpoint(), timeout_s=0.3)
+
+
+def test_a_port_in_use_is_named(endpoint):
+    with pytest.raises(BusError, match=f"cannot listen on {endpoint}: another hub or program is on that port"):
+        open_hub(endpoint)
+
+
+def test_an_address_of_another_host_is_named():
+    with pytest.raises(BusError, match="this host has no such address"):
+        open_hub("tcp/192.0.2.1:7447")
+
+
+# the mailbox by itself
+
+
+def put(mailbox, topic, number, message):
+    stamp = number.to_bytes(8, "little") * 2
+    if mailbox.wanted(topic, stamp):
+        mailbox.put(topic, encode(message), stamp)
+
+
+def test_the_newest_picture_wins_and_the_others_are_counted():
+    mailbox = Mailbox()
+    for number in range(5):
+        put(mailbox, "camera/image", number, image(number))
+    assert [letter.sequence for letter in mailbox.drain()] == [4]
+    assert mailbox.dropped == {"camera/image": 4}
+
+
+def test_who_needs_fewer_pictures_takes_fewer_and_misses_none():
+    mailbox = Mailbox(pictures=60, picture_period_ns=50)
+    for at_ns in (0, 17, 33, 52, 67, 83, 100, 117):  # published at; the number beside it is the same
+        put(mailbox, "camera/image", at_ns, image(1))
+        put(mailbox, "belief", at_ns, belief(1))
+    letters = mailbox.drain()
+    assert [one.published_ns for one in letters if one.topic == "camera/image"] == [0, 52, 117]
+    assert len(letters) == 8 + 3
+    assert "camera/image" not in mailbox.lost | mailbox.dropped
+
+
+def test_a_full_mailbox_drops_the_oldest():
+    mailbox = Mailbox(depth=8)
+    for number in range(11):
+        put(mailbox, "belief", number, belief(number))
+    assert [letter.sequence for letter in mailbox.drain()] == list(range(3, 11))
+    assert mailbox.dropped == {"belief": 3}
+
+
+def test_missing_numbers_are_counted():
+    mailbox = Mailbox()
+    for number in (0, 1, 4, 5, 9):
+        put(mailbox, "belief", number, belief(number))
+    mailbox.drain()
+    assert mailbox.lost == {"belief": 5}
+
+
+def test_topics_keep_their_common_order():
+    mailbox = Mailbox()
+    order = ["belief", "run/stage", "belief", "run/stage"]
+    for number, topic in enumerate(order):
+        put(mailbox, topic, number // 2, belief(number) if topic == "belief" else m.Stage(number, "lead", 0, 0))
+    assert [letter.topic for letter in mailbox.drain()] == order
+
+
+def test_zenoh_is_not_scouting():
+    from hil.bus.session import settings
+
+    config = settings(mode="client")
+    assert isinstance(config, zenoh.Config)
+    assert config.get_json("scouting/multicast/enabled") == "false"
+    assert config.get_json("scouting/gossip/enabled") == "false"

@@ -1,0 +1,168 @@
+"""A campaign's book-keeping: what is refused beforehand, what is left to do, what a dead process means."""
+
+import os
+import signal
+from dataclasses import replace
+from datetime import UTC, datetime
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.campaign import grid as campaign_grid
+from hil.campaign.grid import CampaignError, Grid, Job, Result, check, fly_all, left_to_do
+from hil.recording.provenance import Code
+from hil.recording.runs import RunError, new_run, policy_identity
+from scenarios.draw import MAX_SEED
+
+CODE = Code("git", "0.1.0", "a" * 40)
+WHEN = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+
+
+@pytest.fixture
+def grid(tmp_path):
+    return Grid(("simple-i", "hard-i"), ("planner", "planner-analytic"), range(3), "sim", "model", "none", tmp_path)
+
+
+def flown(grid, job, outcome="success", state="finished", **changes):
+    """A run of `job` as a campaign leaves it."""
+    plan = campaign_grid._plan(job.scenario, grid.rig, job.policy, grid.camera)
+    scenario = {**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name}
+    run = new_run(
+        grid.out, scenario={**scenario, **changes}, rig={**plan.rig.model_dump(mode="json"), "name": "sim"},
+        seed=job.seed, host="lockstep", policy=policy_identity(job.policy), simulated=True, started_utc=WHEN, code=CODE,
+    )  # fmt: skip
+    if outcome:
+        run.write_score({"outcome": outcome})
+    run.finish(state, WHEN)
+    return run
+
+
+def test_jobs_go_seed_by_seed_so_that_policies_can_be_compared_early(grid):
+    jobs = check(grid)
+    assert len(jobs) == len(set(jobs)) == 12
+    assert [job.policy for job in jobs[:2]] == ["planner", "planner-analytic"]
+    assert jobs[0].seed == jobs[1].seed == 0 and jobs[0].scenario == jobs[5].scenario == "simple-i"
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"scenarios": ("hard-i", "hard-i")}, "scenario hard-i is given twice"),
+        ({"policies": ("planner", "planner")}, "policy planner is given twice"),
+        ({"policies": ("planer",)}, "no policy 'planer'"),
+        ({"scenarios": ("hard-3",)}, "hard-i"),
+        ({"rig": "field"}, "real devices"),
+        ({"seeds": range(MAX_SEED, MAX_SEED + 2)}, "out of range"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_beforehand(grid, changes, says):
+    with pytest.raises(ValueError, match=says):
+        check(replace(grid, **changes))
+    assert list(grid.out.iterdir()) == []
+
+
+def test_what_the_folder_holds_is_not_flown_again(grid):
+    jobs = check(grid)
+    flown(grid, jobs[0])
+    flown(grid, jobs[1], outcome="fail")  # a miss is a result
+    flown(grid, jobs[2], outcome="incomplete")
+    flown(grid, jobs[3], state="interrupted")
+    flown(grid, jobs[4], outcome="")
+    flown(grid, jobs[5], time_limit=3.0)  # of another content: another scenario
+    (grid.out / "torn").mkdir()
+    (grid.out / "torn" / "manifest.json").write_text("{")
+    assert left_to_do(grid, jobs) == jobs[2:]
+    assert left_to_do(replace(grid, camera="pictures"), jobs) == jobs
+    assert left_to_do(replace(grid, out=grid.out / "absent"), jobs) == jobs
+
+
+def test_a_policy_is_what_its_file_holds(grid, tmp_path):
+    a, b = tmp_path / "a" / "p.onnx", tmp_path / "b" / "p.onnx"
+    for path, content in ((a, b"one"), (b, b"one")):
+        path.parent.mkdir()
+        path.write_bytes(content)
+    keys = {campaign_grid._key({}, {}, policy_identity(str(path)), 0) for path in (a, b)}
+    assert len(keys) == 1
+    b.write_bytes(b"two")
+    assert campaign_grid._key({}, {}, policy_identity(str(b)), 0) not in keys
+
+
+@given(st.recursive(st.integers() | st.text(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
+def test_the_order_of_keys_makes_no_other_run(value):
+    def turned(value):
+        if isinstance(value, dict):
+            return {key: turned(value[key]) for key in reversed(value)}
+        return [turned(part) for part in value] if isinstance(value, list) else value
+
+    assert campaign_grid._key(value, {}, {}, 0) == campaign_grid._key(turned(value), {}, {}, 0)
+
+
+def fine(grid, job, code):
+    return Result(job, within_tolerance=job.seed == 1)
+
+
+def dies(grid, job, code):
+    os._exit(9)
+
+
+def stopped(grid, job, code):
+    return None
+
+
+def test_every_job_comes_back_once(grid, monkeypatch):
+    monkeypatch.setattr(campaign_grid, "_fly", fine)
+    jobs = [Job("simple-i", "planner", seed) for seed in range(5)]
+    results = list(fly_all(grid, jobs, 2, CODE))
+    assert {r.job for r in results} == set(jobs)
+    assert [r.job.seed for r in results if r.within_tolerance] == [1]
+
+
+def test_a_process_that_dies_ends_the_campaign_with_one_line(grid, monkeypatch):
+    monkeypatch.setattr(campaign_grid, "_fly", dies)
+    with pytest.raises(CampaignError, match="the same command goes on"):
+        list(fly_all(grid, [Job("simple-i", "planner", 0)], 1, CODE))
+
+
+def test_an_interrupted_flight_ends_the_campaign(grid, monkeypatch):
+    monkeypatch.setattr(campaign_grid, "_fly", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        list(fly_all(grid, [Job("simple-i", "planner", seed) for seed in range(3)], 1, CODE))
+
+
+@pytest.mark.parametrize(
+    ("raised", "expected"),
+    [
+        (RunError("the disk is full"), Result(Job("simple-i", "planner", 0), failure="the disk is full")),
+        (KeyboardInterrupt(), None),
+    ],
+)
+def test_what_a_flight_raises_is_told_and_interrupts_are_ignored_afterwards(grid, monkeypatch, raised, expected):
+    before = signal.getsignal(signal.SIGINT)
+    seen = []
+
+    def fly(*_, **__):
+        seen.append(signal.getsignal(signal.SIGINT))
+        raise raised
+
+    monkeypatch.setattr(campaign_grid, "fly", fly)
+    try:
+        assert campaign_grid._fly(grid, Job("simple-i", "planner", 0), CODE) == expected
+        assert seen == [signal.default_int_handler] and signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_flight_without_an_attempt_is_a_failure_not_a_miss(grid, monkeypatch):
+    score = SimpleNamespace(within_tolerance=False, attached=False, reasons=())
+    flight = SimpleNamespace(
+        interrupted=False, run=SimpleNamespace(recording=grid.out / "none"), score=score, failure="no GPS"
+    )
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(campaign_grid, "fly", lambda *_, **__: flight)
+    try:
+        result = campaign_grid._fly(grid, Job("simple-i", "planner", 0), CODE)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert result is not None and result.failure == "no GPS"

@@ -1,0 +1,160 @@
+"""`perch-hil train` and `evaluate` as a user meets them."""
+
+import json
+import signal
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli.main import app
+
+torch = pytest.importorskip("torch")
+
+runner = CliRunner()
+STATE = "policies/checkpoints/state.onnx"
+TINY = """
+title = "tiny"
+[env]
+count = 16
+future_stride = 10
+horizon = 160
+odometry_noise = 0.0
+[[phase]]
+kind = "dagger"
+settings = { samples = 512, horizon = 8, replay = 512, batch = 32, batches = 1, teacher_fade = 256 }
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    path = tmp_path / "tiny.toml"
+    path.write_text(TINY)
+    return str(path)
+
+
+def one_line(result, code=2):
+    assert result.exit_code == code, result.output
+    lines = result.output.strip().splitlines()
+    assert len(lines) == 1, result.output
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["plannr"], "did you mean 'planner'"),
+        (["nowhere.onnx"], "does not exist"),
+        ([STATE, "--heatmap", "map.xls"], "ends in .svg"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_one_line(arguments, says):
+    assert says in one_line(runner.invoke(app, ["evaluate", *arguments]))
+
+
+def test_a_damaged_policy_is_one_line(tmp_path):
+    broken = tmp_path / "broken.onnx"
+    broken.write_bytes(b"no model")
+    assert "not a readable ONNX model" in one_line(runner.invoke(app, ["evaluate", str(broken)]))
+
+
+def test_evaluate_as_table_says_under_what_conditions():
+    result = runner.invoke(app, ["evaluate", "planner-analytic", "--episodes", "10", "--time-limit", "1"])
+    assert result.exit_code == 0, result.output
+    head = result.output.splitlines()[0]
+    assert "vision stage" in head and "the paper's noise" in head and "1 s, seed 0" in head
+    assert "91.42" in result.output  # the paper's T1 on a camera's belief
+
+
+def test_evaluate_as_json_and_map(tmp_path):
+    picture = tmp_path / "maps" / "map.svg"
+    asked = [
+        "evaluate",
+        STATE,
+        "--episodes",
+        "10",
+        "--time-limit",
+        "1",
+        "--motions",
+        "--robust",
+        "--heatmap",
+        str(picture),
+    ]
+    result = runner.invoke(app, [*asked, "--json"])
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert (found["stage"], found["noise"], found["seed"]) == ("state", None, 0)
+    t1 = found["points"][0]
+    assert t1["name"] == "T1" and t1["episodes"] == 10 and t1["paper"]["success_percent"] == 99.92
+    assert t1["interval_95"][0] <= t1["success"] <= t1["interval_95"][1]
+    assert len(found["robustness"]) == 21 and found["robustness"][0]["name"] == "T1, no drag"
+    assert len(found["motions"]) == 24 and found["motions"][0]["paper"] is None
+    assert picture.read_text().startswith("<svg")
+    assert len(picture.with_suffix(".csv").read_text().splitlines()) == 73
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--recipe", "immitate"], "did you mean 'imitate'"),
+        (["--device", "cuda:7"], "was asked for, but torch sees"),
+        (["--device", "gpu"], "no device 'gpu'"),
+        (["--parent", "nowhere"], "nowhere does not exist"),
+        (["--resume"], "does not exist"),
+    ],
+)
+def test_what_cannot_be_trained_is_one_line_and_leaves_nothing(tmp_path, tiny, arguments, says):
+    result = runner.invoke(app, ["train", "--recipe", tiny, "--out", str(tmp_path / "run"), *arguments])
+    assert result.exit_code == 2
+    said = [line for line in result.output.splitlines() if line.startswith("perch-hil: ")]
+    assert len(said) == 1 and says in said[0] and "Traceback" not in result.output
+    assert not list((tmp_path / "run").glob("*.pt"))
+
+
+def test_train_to_the_end_then_not_over_it(tmp_path, tiny):
+    asked = ["train", "--recipe", tiny, "--out", str(tmp_path / "run")]
+    result = runner.invoke(app, asked)
+    assert result.exit_code == 0, result.output
+    assert "perch-hil evaluate" in result.stdout
+    assert {"policy.onnx", "curve.csv", "curve.svg", "actor.pt"} <= {p.name for p in (tmp_path / "run").iterdir()}
+    assert "--resume" in one_line(runner.invoke(app, asked))
+
+
+def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path, tiny, monkeypatch):
+    from hil.cli import training
+
+    plain = training._Display.__call__
+
+    def interrupted(self, numbers):
+        plain(self, numbers)
+        if numbers["samples"] == 256:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(training._Display, "__call__", interrupted)
+    out = tmp_path / "run"
+    before = signal.getsignal(signal.SIGINT)
+    result = runner.invoke(app, ["train", "--recipe", tiny, "--seed", "4", "--out", str(out)])
+    assert result.exit_code == 130
+    assert signal.getsignal(signal.SIGINT) is before
+    command = result.stdout.strip().splitlines()[-1].split()
+    assert command[:2] == ["perch-hil", "train"] and command[-1] == "--resume"
+    assert torch.load(out / "checkpoint.pt", weights_only=False)["total"] == 256
+    again = runner.invoke(app, command[1:])
+    assert again.exit_code == 0, again.output
+    assert (out / "curve.csv").read_text().splitlines()[-1].startswith("512,")
+
+
+def test_numbers_that_are_not_finite_end_with_3(tmp_path, tiny, monkeypatch):
+    from policies.training.learners.dagger import Dagger
+
+    def diverged(self):
+        raise ValueError("an action is not finite; the policy has diverged")
+
+    def spoil(self):
+        with torch.no_grad():
+            self.actor.head.bias[0] = float("inf")
+        return diverged(self)
+
+    monkeypatch.setattr(Dagger, "step", spoil)
+    result = runner.invoke(app, ["train", "--recipe", tiny, "--out", str(tmp_path / "run")])
+    assert result.exit_code == 3
+    assert "weights actor.head.bias" in result.output and "Traceback" not in result.output

@@ -1,0 +1,70 @@
+import pytest
+
+from hil.contract.graph import GraphError, check_graph
+from hil.contract.topics import EVERYONE, TOPICS, may_read
+from hil.nodes.belief import BeliefNode
+from hil.nodes.detector import Detector
+from hil.nodes.policy import PolicyNode
+from tests.unit.hil.contract.node_fakes import FakeNode
+
+ALL = FakeNode("everything else", outputs=tuple(TOPICS))
+CAR_TRUTH = [topic for topic in TOPICS if topic.startswith(("truth/", "mocap/", "car/"))]
+
+
+def test_the_contract_knows_where_the_car_is():
+    assert {"truth/board", "mocap/board", "car/reference", "car/feedback"} <= set(CAR_TRUTH)
+
+
+@pytest.mark.parametrize("topic", CAR_TRUTH)
+@pytest.mark.parametrize("node", [PolicyNode, BeliefNode, Detector])
+def test_what_decides_can_never_see_where_the_car_is(node, topic):
+    spy = FakeNode(node.name, inputs=(*node.inputs, topic))
+    with pytest.raises(GraphError, match=f"'{node.name}' may not read '{topic}'"):
+        check_graph([ALL, spy])
+
+
+@pytest.mark.parametrize("node", [PolicyNode, BeliefNode, Detector])
+def test_what_decides_asks_for_nothing_it_may_not_have(node):
+    check_graph([ALL, FakeNode(node.name, inputs=node.inputs, wakes=node.wakes)])
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_readers_are_those_of_the_table_and_nobody_else(topic):
+    readers = TOPICS[topic].readers
+    for reader in {"policy", "referee", "vehicle_link", "car_follower", "somebody new"}:
+        graph = [ALL, FakeNode(reader, inputs=(topic,))]
+        if reader in readers or readers == EVERYONE:
+            check_graph(graph)
+        else:
+            with pytest.raises(GraphError, match="may not read"):
+                check_graph(graph)
+
+
+def test_a_name_is_no_disguise():
+    """A node cannot get at the truth by a name that only looks like a reader's."""
+    for name in ("camera ", "Camera", "camera/policy", "", "*"):
+        assert not may_read(name, "truth/board")
+
+
+@pytest.mark.parametrize(
+    ("nodes", "words"),
+    [
+        ([FakeNode("a", outputs=("bord/detection",))], "'a' names topic 'bord/detection'"),
+        ([FakeNode("a", inputs=("beleif",))], "'a' names topic 'beleif'"),
+        ([FakeNode("a", outputs=("belief",)), FakeNode("b", outputs=("belief",))], "both 'a' and 'b'"),
+        (
+            [ALL, FakeNode("policy", inputs=("car/reference",))],
+            "may not read 'car/reference': the contract allows nobody",
+        ),
+        ([ALL, FakeNode("policy", inputs=("truth/vehicle",))], "the contract allows vehicle_device, camera, mocap"),
+        ([FakeNode("policy", inputs=("belief",))], "'policy' reads 'belief', which no node of this graph publishes"),
+        ([ALL, FakeNode("policy", inputs=("belief",), wakes=("run/stage",))], "wakes on 'run/stage' without reading"),
+    ],
+)
+def test_a_graph_that_cannot_run_is_refused_with_its_reason(nodes, words):
+    with pytest.raises(GraphError, match=words):
+        check_graph(nodes)
+
+
+def test_many_may_publish_events():
+    check_graph([FakeNode("a", outputs=("event",)), FakeNode("b", outputs=("event",))])

@@ -1,0 +1,131 @@
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.contract.node import Out
+from hil.host.lockstep import Clock, Lockstep
+from tests.unit.hil.contract.node_fakes import FakeNode, publisher
+
+STOP = 1_000
+
+
+def run(nodes, stop=STOP):
+    """(what the tap saw, the time reached)."""
+    seen, clock = [], Clock()
+    host = Lockstep(nodes, clock, lambda now_ns, topic, message: seen.append((now_ns, topic, message)))
+    return seen, host.run(lambda now_ns: now_ns >= stop)
+
+
+def test_nodes_of_one_instant_step_in_the_graphs_order():
+    order = []
+    nodes = [
+        FakeNode(name, period_ns=period, act=lambda now, _, name=name: order.append((now, name)) or [])
+        for name, period in (("c", 20), ("a", 10), ("b", 20))
+    ]
+    run(nodes, 40)
+    assert order[:8] == [(0, "c"), (0, "a"), (0, "b"), (10, "a"), (20, "c"), (20, "a"), (20, "b"), (30, "a")]
+
+
+def test_a_message_reaches_later_nodes_at_once_and_earlier_ones_at_their_next_step():
+    early = FakeNode("early", inputs=("t",), period_ns=10)
+    late = FakeNode("late", inputs=("t",), period_ns=10)
+    run([early, publisher("p", "t", 10), late], 20)
+    assert early.steps == [(0, {}), (10, {"t": [("p", 0)]}), (20, {"t": [("p", 10)]})]
+    assert late.steps == [(0, {"t": [("p", 0)]}), (10, {"t": [("p", 10)]}), (20, {"t": [("p", 20)]})]
+
+
+def test_a_delayed_message_arrives_after_its_delay_even_between_ticks():
+    reader = FakeNode("reader", inputs=("t",), wakes=("t",))
+    seen, _ = run([publisher("p", "t", 10, delay_ns=7), reader], 20)
+    assert seen == [(7, "t", ("p", 0)), (17, "t", ("p", 10))]
+    assert reader.steps == [(7, {"t": [("p", 0)]}), (17, {"t": [("p", 10)]})]
+
+
+def test_a_delayed_message_is_there_when_a_later_node_steps_at_that_instant():
+    reader = FakeNode("reader", inputs=("t",), period_ns=10)
+    run([publisher("p", "t", 50, delay_ns=10), reader], 10)
+    assert reader.steps == [(0, {}), (10, {"t": [("p", 0)]})]
+
+
+def test_shorter_delays_overtake():
+    delays = iter([30, 5, 1])
+    sender = FakeNode("s", outputs=("t",), period_ns=10, act=lambda now, _: [Out("t", now, next(delays, 100))])
+    seen, _ = run([sender, FakeNode("r", inputs=("t",))], 40)
+    assert [(now, message) for now, _, message in seen] == [(15, 10), (21, 20), (30, 0)]
+
+
+def test_wakes_step_at_once_in_the_graphs_order_and_see_the_message():
+    a = FakeNode("a", inputs=("t",), wakes=("t",))
+    b = FakeNode("b", inputs=("t",), wakes=("t",))
+    order = []
+    a.act = lambda now, inbox: order.append("a") or []
+    b.act = lambda now, inbox: order.append("b") or []
+    run([a, publisher("p", "t", 10), b], 0)
+    assert order == ["a", "b"]
+    assert a.steps == b.steps == [(0, {"t": [("p", 0)]})]
+
+
+def test_a_chain_of_wakes_ends_within_the_instant():
+    relay = FakeNode("relay", ("t",), ("u",), wakes=("t",), act=lambda now, _: [Out("u", now)])
+    end = FakeNode("end", ("u",), wakes=("u",))
+    seen, _ = run([publisher("p", "t", 10), relay, end], 10)
+    assert [(now, topic) for now, topic, _ in seen] == [(0, "t"), (0, "u"), (10, "t"), (10, "u")]
+    assert [now for now, _ in end.steps] == [0, 10]
+
+
+def test_new_is_cleared_by_a_step_and_latest_stays():
+    latest = []
+    reader = FakeNode("r", ("t",), period_ns=10, act=lambda now, inbox: latest.append(inbox.latest("t")) or [])
+    run([publisher("p", "t", 30), reader], 30)
+    assert [seen for _, seen in reader.steps] == [{"t": [("p", 0)]}, {}, {}, {"t": [("p", 30)]}]
+    assert latest == [("p", 0), ("p", 0), ("p", 0), ("p", 30)]
+
+
+def test_the_last_instant_is_finished_before_the_run_ends():
+    nodes = [FakeNode(name, period_ns=10) for name in "abc"]
+    asked, clock = [], Clock()
+    host = Lockstep(nodes, clock, lambda *_: None)
+    end = host.run(lambda now_ns: asked.append(now_ns) or now_ns >= 30)
+    assert end == clock() == 30
+    assert asked == [0, 10, 20, 30], "once an instant"
+    assert all([now for now, _ in node.steps] == [0, 10, 20, 30] for node in nodes)
+
+
+def test_nodes_read_the_hosts_clock():
+    clock, read = Clock(), []
+    node = FakeNode("n", period_ns=7, act=lambda now_ns, _: read.append(now_ns == clock()) or [])
+    Lockstep([node], clock, lambda *_: None).run(lambda now_ns: now_ns >= 70)
+    assert len(read) == 11
+    assert all(read)
+
+
+def test_without_periods_nothing_happens_and_the_run_ends():
+    assert run([FakeNode("n", ("t",), wakes=("t",))]) == ([], 0)
+
+
+def test_a_nodes_exception_is_not_swallowed():
+    def broken(now_ns, inbox):
+        raise RuntimeError("driver lost")
+
+    with pytest.raises(RuntimeError, match="driver lost"):
+        run([FakeNode("n", period_ns=10, act=broken)])
+
+
+@settings(max_examples=40)
+@given(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 60), st.booleans()), min_size=1, max_size=5))
+def test_any_graph_runs_twice_the_same_with_time_rising_and_delays_kept(spec):
+    def graph():
+        nodes = [publisher(f"p{i}", f"t{i}", period, delay) for i, (period, delay, _) in enumerate(spec)]
+        for i, (_, _, wakes) in enumerate(spec):
+            nodes.insert(i, FakeNode(f"r{i}", (f"t{i}",), wakes=(f"t{i}",) if wakes else (), period_ns=13))
+        return nodes
+
+    nodes, again = graph(), graph()
+    seen, end = run(nodes, 200)
+    assert (seen, end) == run(again, 200)
+    assert [node.steps for node in nodes] == [node.steps for node in again]
+    times = [now for now, _, _ in seen]
+    assert times == sorted(times)
+    for i, (period, delay, _) in enumerate(spec):
+        mine = [(now, message[1]) for now, topic, message in seen if topic == f"t{i}"]
+        assert mine == [(t + delay, t) for t in range(0, end + 1, period) if t + delay <= end]

@@ -1,0 +1,196 @@
+"""One process of a live run: what wakes a node, what it tells, how it ends."""
+
+import contextlib
+import os
+import socket
+import threading
+import time
+
+import pytest
+
+from hil.bus.leaf import CONTROL, HEALTH, Bus, open_hub
+from hil.contract import messages as m
+from hil.contract.node import Out
+from hil.live.liveness import Presence
+from hil.live.run_clock import RunTime
+from hil.live.service import LiveService
+from tests.unit.hil.bus.test_leaf import free_endpoint
+
+LIMIT_S = 10.0
+
+
+class Fake:
+    """A node that notes when and why it was stepped."""
+
+    name, inputs, outputs, wakes, period_ns = "policy", ("belief", "run/stage"), ("policy/action",), ("belief",), 0
+
+    def __init__(self, period_ns=0, wire=None):
+        self.period_ns, self.steps, self.aborts, self.safe, self._wire = period_ns, [], [], True, wire
+
+    def step(self, now_ns, inbox):
+        self.steps.append((now_ns, len(inbox.new("belief")), len(inbox.new("run/stage"))))
+        if self._wire is not None:
+            with contextlib.suppress(BlockingIOError):
+                self._wire.recv(100)
+        return [Out("policy/action", m.Action(now_ns, False, (0.0, 0.0, 0.0), 9.81, "hold", 0, 9.81))]
+
+    def abort(self, why):
+        self.aborts.append(why)
+
+    def close(self):
+        pass
+
+
+class Service:
+    """A `LiveService` that runs in a thread, beside a supervisor's bus."""
+
+    def __init__(self, node, endpoint, **more):
+        self.bus, self.supervisor, self.health = Bus(endpoint), Bus(endpoint), []
+        self.supervisor.hear(HEALTH + "brain", self.health.append)
+        self.live = LiveService("brain", [node], self.bus, RunTime(self.bus.clock()), **more)
+        self.thread = threading.Thread(target=self._serve, daemon=True)
+        self.thread.start()
+        until(lambda: any(table["state"] == "ready" for table in self.health))
+
+    def _serve(self):
+        if self.live.wait_for_go():
+            self.live.run()
+        self.live.close()
+
+    def order(self, **table):
+        self.supervisor.say(CONTROL, table)
+
+    def go(self):
+        self.order(order="go", epoch_ns=time.monotonic_ns())
+        until(lambda: any(table["state"] == "running" for table in self.health))
+
+    def end(self):
+        self.order(order="stop", service="brain")
+        self.thread.join(LIMIT_S)
+        assert not self.thread.is_alive()
+        self.bus.close()
+        self.supervisor.close()
+
+
+def until(condition, again=lambda: None):
+    end = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < end
+        again()
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def start():
+    endpoint, running = free_endpoint(), []
+
+    def started(node, **more):
+        running.append(Service(node, endpoint, **more))
+        return running[-1]
+
+    with open_hub(endpoint):
+        yield started
+        for service in running:
+            service.end()
+
+
+def test_only_what_wakes_a_node_wakes_it_and_the_rest_comes_along(start):
+    node = Fake()
+    service = start(node)
+    service.go()
+    for number in range(50):
+        service.supervisor.publish(number, "run/stage", m.Stage(number, "lead", 0, 0))
+    until(lambda: len(service.live._mailbox._queues.get("run/stage", ())) > 0)
+    assert node.steps == []
+    belief = m.Belief(1, True, (0.0, 0.0, 1.5), 0.0, 1.0, 0.0, 0.5, 1.0, 1, 1, 0, (1.0,), 0.0, 1, 0.01)
+    until(lambda: node.steps, lambda: service.supervisor.publish(1, "belief", belief))
+    until(lambda: sum(stages for _, _, stages in node.steps) > 0)
+
+
+def test_what_comes_on_a_wire_wakes_its_driver_whatever_its_period(start, monkeypatch):
+    monkeypatch.setattr("hil.live.schedule.WIRE_PERIOD_NS", 3600 * 10**9)
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    here.setblocking(False)
+    node = Fake(period_ns=2_000_000, wire=here)
+    service = start(node, descriptors={here.fileno(): "policy"})
+    service.go()
+    until(lambda: node.steps)
+    for number in range(1, 6):  # the next hour has no other reason
+        there.send(b"x")
+        until(lambda number=number: len(node.steps) == 1 + number)
+    service.end()
+    service.end = lambda: None
+    here.close()
+    there.close()
+
+
+def test_without_a_wire_a_node_that_goes_by_time_is_stepped_at_its_deadlines(start):
+    node = Fake(period_ns=20_000_000)
+    node.wakes = ()
+    start(node).go()
+    until(lambda: len(node.steps) >= 20)
+    times = [now_ns for now_ns, _, _ in node.steps]
+    assert all(now_ns % 20_000_000 == 0 for now_ns in times)
+    assert times == sorted(set(times))
+
+
+class Slow(Fake):
+    """A node that cannot keep its period."""
+
+    def step(self, now_ns, inbox):
+        time.sleep(0.005)
+        return super().step(now_ns, inbox)
+
+
+def test_who_cannot_keep_his_period_still_hears_and_answers(start):
+    node = Slow(period_ns=1_000_000)
+    service = start(node)
+    service.go()
+    stage = m.Stage(1, "lead", 0, 0)
+    until(lambda: any(stages for _, _, stages in node.steps), lambda: service.supervisor.publish(1, "run/stage", stage))
+    service.health.clear()
+    until(lambda: len(service.health) >= 2)
+    assert service.health[-1]["nodes"]["policy"]["missed"] > 0
+
+
+def test_an_abort_reaches_every_node_once(start, capfd):
+    node = Fake()
+    service = start(node)
+    service.go()
+    for _ in range(3):
+        service.order(order="abort", why="mocap was killed")
+    until(lambda: any(table["state"] == "aborted" for table in service.health))
+    assert node.aborts == ["mocap was killed"]
+    assert service.health[-1]["why"] == "mocap was killed"
+    service.end()
+    service.end = lambda: None
+    assert "brain: safe at the end" in capfd.readouterr().out
+
+
+def test_who_hears_nothing_any_more_makes_safe_and_ends_by_himself(start, capfd):
+    now = [time.monotonic_ns()]
+    presence = Presence(clock=lambda: now[0], parent=os.getppid)
+    node = Fake()
+    service = start(node, presence=presence)
+    service.go()
+    now[0] += 10_000_000_000
+    service.thread.join(LIMIT_S)
+    assert not service.thread.is_alive()
+    assert service.live.lost
+    assert len(node.aborts) == 1
+    assert "silent for 10.0 s" in node.aborts[0]
+
+
+def test_who_is_not_safe_stays_a_while(start):
+    now = [time.monotonic_ns()]
+    node = Fake()
+    node.safe = False
+    service = start(node, presence=Presence(clock=lambda: now[0], parent=os.getppid))
+    service.go()
+    now[0] += 10_000_000_000
+    until(lambda: node.aborts)
+    service.thread.join(2.0)
+    assert service.thread.is_alive()
+    node.safe = True
+    service.thread.join(LIMIT_S)
+    assert not service.thread.is_alive()

@@ -1,0 +1,203 @@
+"""The supervisor: who ended is named with its last words, nobody survives it, left-over memory is removed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.live.orphaned import mapped_memory, remove_orphaned_memory
+from hil.live.process import Process
+from hil.live.supervisor import Supervisor, SupervisorError
+
+
+def process(tmp_path, code):
+    return Process("brain", [sys.executable, "-c", code], tmp_path / "brain.log")
+
+
+def wait_for(condition, limit_s=10.0):
+    until = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def test_an_exit_is_told_with_the_last_words(tmp_path):
+    one = process(tmp_path, "import sys; print('perch-hil: no camera'); sys.exit(3)")
+    wait_for(lambda: one.ended() is not None)
+    assert one.why() == "brain ended with exit code 3: no camera"
+
+
+def test_a_kill_is_told_by_its_signal(tmp_path):
+    one = process(tmp_path, "import time; time.sleep(60)")
+    os.kill(one.pid, signal.SIGKILL)
+    wait_for(lambda: one.ended() is not None)
+    assert one.why() == "brain was killed by SIGKILL"
+
+
+def test_who_does_not_listen_is_killed(tmp_path):
+    ready = tmp_path / "ready"
+    code = f"import signal, time, pathlib; signal.signal(15, signal.SIG_IGN); pathlib.Path({str(ready)!r}).touch()\n"
+    one = process(tmp_path, code + "while True: time.sleep(1)")
+    wait_for(ready.exists)
+    assert one.end(0.1) == "brain had to be stopped with SIGKILL"
+    assert one.ended() == -signal.SIGKILL
+
+
+def test_a_stopped_process_is_killed_too(tmp_path):
+    one = process(tmp_path, "import time; time.sleep(60)")
+    os.kill(one.pid, signal.SIGSTOP)
+    assert one.end(0.1) == "brain had to be stopped with SIGKILL"
+
+
+def test_whoever_waits_for_an_end_is_still_present(tmp_path):
+    beats = []
+    one = process(tmp_path, "import time; time.sleep(60)")
+    assert one.end(0.5, lambda: beats.append(1)) == "brain had to be stopped with SIGTERM"
+    assert len(beats) >= 3
+
+
+def test_a_stopped_process_is_known_as_stopped(tmp_path):
+    one = process(tmp_path, "import time; time.sleep(60)")
+    assert not one.stopped()
+    os.kill(one.pid, signal.SIGSTOP)
+    wait_for(one.stopped)
+    one.end(0.0)
+
+
+def half_gone(tmp_path):
+    """A process whose main thread has left by itself, with status 7 (x86-64's and arm64's exit), another lives on."""
+    code = "import ctypes, platform, threading, time\nthreading.Thread(target=time.sleep, args=(60,)).start()\n"
+    one = process(tmp_path, code + "ctypes.CDLL(None).syscall(60 if platform.machine() == 'x86_64' else 93, 7)")
+    wait_for(lambda: one.leaving() is not None)
+    return one
+
+
+def test_a_process_is_leaving_as_soon_as_its_main_thread_is_gone(tmp_path):
+    one = half_gone(tmp_path)
+    assert one.ended() is None
+    assert one.why() == "brain ended with exit code 7"
+    one.end(0.0)
+    assert one.leaving() == one.ended() == -signal.SIGTERM
+
+
+class Run:
+    """A supervisor in the middle of a run that nobody has to fly: what it heard, and when, is set by hand."""
+
+    def __init__(self, tmp_path, **ages_s):
+        self.supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, tuple(ages_s))
+        self.supervisor._started_ns = 1
+        self.now_ns = time.monotonic_ns()
+        for service, age_s in ages_s.items():
+            outputs = {"brain": ["belief"], "mocap": ["mocap/board"]}.get(service, [])
+            self.supervisor.health[service] = {"heard_ns": self.now_ns - int(age_s * 1e9), "outputs": outputs}
+
+    def topic(self, topic, age_s):
+        self.supervisor._heard[topic] = self.now_ns - int(age_s * 1e9)
+
+    def trouble(self):
+        return self.supervisor.trouble()
+
+
+def test_all_is_well_while_everybody_speaks(tmp_path):
+    run = Run(tmp_path, brain=0.4, mocap=0.3)
+    run.topic("belief", 0.5)
+    assert run.trouble() == ""
+
+
+def test_a_topic_that_falls_silent_is_told_with_its_producer(tmp_path):
+    run = Run(tmp_path, brain=0.2, mocap=0.3)
+    run.topic("mocap/board", 1.2)
+    assert run.trouble().startswith("mocap is silent on mocap/board for 1.2")
+
+
+def test_who_is_silent_altogether_is_blamed_before_those_who_wait_for_him(tmp_path):
+    run = Run(tmp_path, brain=0.2, camera=1.3, mocap=0.3)
+    run.topic("belief", 1.1)
+    assert run.trouble().startswith("camera does not answer: silent for 1.3")
+
+
+def test_a_service_without_topics_is_missed_by_its_health(tmp_path):
+    assert Run(tmp_path, brain=0.2, mocap=2.2).trouble().startswith("mocap does not answer")
+    assert Run(tmp_path, brain=0.2, mocap=1.5).trouble() == ""
+
+
+def test_the_recorder_may_be_busy_for_longer_and_is_not_blamed_for_others(tmp_path):
+    run = Run(tmp_path, brain=0.2, recorder=1.8, mocap=0.3)
+    assert run.trouble() == ""
+    run.topic("mocap/board", 1.2)
+    assert run.trouble().startswith("mocap is silent")
+    assert Run(tmp_path, brain=0.2, mocap=0.2, recorder=2.1).trouble().startswith("recorder does not answer")
+
+
+def test_if_nobody_is_heard_it_is_the_hub(tmp_path):
+    run = Run(tmp_path, brain=1.2, mocap=1.4)
+    run.topic("belief", 1.1)
+    assert run.trouble().startswith("hub does not answer: nothing has come from anybody for 1.2")
+
+
+def test_who_is_silent_because_he_is_leaving_is_told_as_gone(tmp_path):
+    run = Run(tmp_path, brain=1.2, mocap=0.3)
+    run.topic("belief", 1.1)
+    run.supervisor._processes["brain"] = one = process(tmp_path, "import time; time.sleep(60)")
+    assert run.trouble().startswith("brain does not answer")
+    one.end(0.0)
+    run.supervisor._processes["brain"] = one = half_gone(tmp_path)
+    assert run.trouble() == "brain ended with exit code 7"
+    one.end(0.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"serves": "other"}, "brain was started for another run: give `perch-hil node` the same scenario"),
+        (
+            {"serves": "this", "clock": {"shared": False, "error_ns": 9_000_000}},
+            "brain: its host's clock can be compared with the hub's only to within 9.0 ms, allowed are 5",
+        ),
+    ],
+)
+def test_a_service_of_another_host_that_does_not_fit_is_refused(tmp_path, table, text):
+    supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, ("brain",), "this")
+    supervisor.health["brain"] = {"state": "ready", **table}
+    with pytest.raises(SupervisorError, match=text):
+        supervisor.wait_ready(["brain"], waiting=lambda _: None)
+
+
+def test_a_hub_that_cannot_start_is_named(tmp_path):
+    spec = tmp_path / "spec.json"
+    spec.write_text("{}")
+    with Supervisor(spec, "tcp/127.0.0.1:1", tmp_path) as supervisor:
+        supervisor.start("hub")
+        with pytest.raises(SupervisorError, match=r"hub ended with exit code .*spec"):
+            supervisor.connect(limit_s=60.0)
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no /dev/shm")
+def test_only_memory_that_nobody_holds_is_removed():
+    orphan, held = Path(f"/dev/shm/{os.getpid()}1.zenoh"), Path(f"/dev/shm/{os.getpid()}2.zenoh")
+    holder = None
+    try:
+        for path in (orphan, held):
+            path.write_bytes(bytes(4096))
+        code = (
+            "import mmap, sys, time; f = open(sys.argv[1], 'r+b'); m = mmap.mmap(f.fileno(), 4096); print(flush=True)\n"
+        )
+        holder = subprocess.Popen(
+            [sys.executable, "-c", code + "time.sleep(60)", str(held)], stdout=subprocess.PIPE, text=True
+        )
+        assert holder.stdout is not None
+        holder.stdout.readline()
+        assert mapped_memory(holder.pid) == {held.name}
+        assert remove_orphaned_memory([orphan.name, held.name, "gone.zenoh"]) == [orphan.name]
+        assert held.exists()
+        assert not orphan.exists()
+    finally:
+        if holder is not None:
+            holder.kill()
+            holder.communicate()
+        for path in (orphan, held):
+            path.unlink(missing_ok=True)

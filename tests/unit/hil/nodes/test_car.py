@@ -1,0 +1,197 @@
+"""The car's nodes: what drives it, and the driver with its gate, against the software Scout where that matters."""
+
+import math
+
+import pytest
+
+from groundcar.motion import platform as m
+from groundcar.scout.dead_reckoning import DeadReckoning
+from groundcar.scout.driver import Command, ScoutLink
+from groundcar.scout.follower import CarRef
+from groundcar.scout.sim import ScoutSim
+from hil.contract.messages import BoardState, CarCommand, Stage
+from hil.contract.wire import CanFrame, memory_pair
+from hil.nodes.car import CONTROL_PERIOD_NS, CarFollower, CarLink
+from hil.safety.gate import CarGate, CarGateLimits
+from tests.unit.hil.contract.node_fakes import filled
+
+MS = 1_000_000
+S = 1_000 * MS
+
+
+class Car:
+    """The driver's node on the bus of a software Scout."""
+
+    def __init__(self, **limits):
+        self.now = 0
+        ours, self.theirs = memory_pair(lambda: self.now, MS)
+        self.sim = ScoutSim(self.theirs, seed=1)
+        self.node = CarLink(ScoutLink(ours), CarGate(CarGateLimits(**limits)))
+        self.events, self.sent, self.feedback = [], [], []
+        self.alive = True
+
+    def run(self, seconds, command=None):
+        """`command` (now_ns) -> CarCommand or None, at 50 Hz."""
+        end = self.now + round(seconds * S)
+        while self.now < end:
+            if self.alive:
+                self.sim.step(self.now)
+            if self.now % CONTROL_PERIOD_NS == 0:
+                given = command(self.now) if command else None
+                heard = [("car/command", given)] if given else []
+                for out in self.node.step(self.now, filled(self.node, *heard)):
+                    {"event": self.events, "car/sent": self.sent, "car/feedback": self.feedback}[out.topic].append(
+                        out.message
+                    )
+            self.now += 4 * MS
+        return self
+
+    @property
+    def texts(self):
+        return [event.text for event in self.events]
+
+
+def drive(speed, turn_rate=0.0):
+    return lambda now: CarCommand(now, speed, turn_rate)
+
+
+def test_what_was_really_sent_is_told():
+    car = Car(speed=1.0).run(1.0, drive(0.0)).run(2.0, drive(2.0, 0.3))
+    assert {(c.speed, c.turn_rate) for c in car.sent[-50:]} == {(1.0, 0.3)}
+    assert car.feedback[-1].speed == pytest.approx(1.0, abs=0.15)
+    car.sent.clear()
+    car.run(1.0)
+    assert car.sent == [], "no command, nothing sent"
+
+
+def test_a_trip_silences_the_bus_for_good_so_that_the_car_stops_itself():
+    car = Car().run(1.0, drive(0.0)).run(1.5, drive(1.5))
+    assert car.feedback[-1].speed > 1.0
+    car.run(0.02, drive(math.nan))
+    car.sent.clear()
+    before = car.sim.platform_row(0.0, 0.0)[m.X]
+    car.run(2.0, drive(1.5))
+    assert car.sent == []
+    assert car.feedback[-1].speed == pytest.approx(0.0, abs=0.03), "the Scout's own 500 ms watchdog"
+    assert car.sim.platform_row(0.0, 0.0)[m.X] > before
+    assert [text for text in car.texts if "tripped" in text] == ["gate tripped: command is not finite"]
+    assert next(e for e in car.events if "tripped" in e.text).severity == "error"
+
+
+def test_a_car_that_falls_silent_is_sent_nothing_more_when_it_is_back():
+    car = Car().run(1.0, drive(0.0)).run(1.0, drive(0.5))
+    car.alive = False
+    car.run(0.8, drive(0.5))
+    assert "gate tripped: the car has said nothing for 500 ms" in car.texts
+    assert any("silent" in text for text in car.texts)
+    car.alive = True
+    car.sent.clear()
+    car.run(1.0, drive(0.5))
+    assert car.sent == []
+
+
+def test_garbage_on_the_bus_is_counted_and_does_no_harm():
+    car = Car().run(1.0, drive(0.5))
+    for frame in ((0x7AB, b"\x01"), (0x221, b"short"), (0x211, b""), (0x3FF, bytes(8))):
+        car.theirs.send(CanFrame(*frame))
+    car.run(1.0, drive(0.5))
+    assert car.node.rejected == 4
+    assert car.feedback[-1].rejected_frames == 4
+    assert car.feedback[-1].speed == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_v1_car_is_refused_once_in_words_and_never_driven():
+    car = Car()
+    car.theirs.send(CanFrame(0x151, bytes(8)))
+    car.run(1.0, drive(0.5))
+    assert len(car.events) == 1
+    assert "0x151" in car.texts[0]
+    assert "V1" in car.texts[0]
+    assert (car.sent, car.node.safe) == ([], True)
+
+
+def test_an_abort_asks_for_rest_whatever_is_commanded_and_is_safe_when_the_car_stands():
+    car = Car().run(1.0, drive(0.0)).run(1.5, drive(1.0))
+    assert not car.node.safe
+    car.node.abort("a service has died")
+    car.run(1.5, drive(1.0))
+    assert car.sent[-1].speed == 0.0
+    assert car.node.safe
+
+
+def test_simulated_sensors_see_a_real_car_where_its_wheels_say_it_is():
+    assert "truth/board" not in Car().node.outputs
+    car = Car()
+    ours, car.theirs = memory_pair(lambda: car.now, MS)
+    car.sim = ScoutSim(car.theirs, seed=1, pose=(1.0, 2.0, 0.5))
+    node = CarLink(ScoutLink(ours), CarGate(CarGateLimits()), DeadReckoning((1.0, 2.0, 0.5), 1.5, 0.7))
+    boards = []
+    while car.now < 4 * S:
+        car.sim.step(car.now)
+        if car.now % CONTROL_PERIOD_NS == 0:
+            heard = ("car/command", CarCommand(car.now, 1.0, 0.2))
+            boards += [out.message for out in node.step(car.now, filled(node, heard)) if out.topic == "truth/board"]
+        car.now += 4 * MS
+    row = car.sim.platform_row(1.5, 0.7)
+    board = boards[-1]
+    driven = math.dist((1.0, 2.0), board.position[:2])
+    assert driven > 2.0
+    assert math.dist(board.position, (row[m.X], row[m.Y], 1.5)) < 0.15 * driven, "but for what the wheels skid"
+    assert board.heading == pytest.approx(row[m.HEADING], abs=0.25)
+    assert board.speed == pytest.approx(1.0, abs=0.1)
+    vx, vy, _ = board.velocity
+    assert (math.hypot(vx, vy), math.atan2(vy, vx)) == pytest.approx((board.speed, board.heading))
+
+
+# the follower
+
+
+def board(now, speed=0.0):
+    return "mocap/board", BoardState(now, (0.0, 0.0, 1.5), (speed, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.0, speed, 0.0)
+
+
+class FakeFollower:
+    """Wants 2 m/s and a turn from the start on."""
+
+    def start(self, now_ns):
+        pass
+
+    def step(self, now_ns, x, y, heading, speed, turn_rate, stamp_ns):
+        return CarRef(now_ns, 0.0, 0.0, 0.0, 2.0, 0.5), Command(now_ns, 2.0, 0.5)
+
+
+def commands(node, begin_ns, seconds, stage):
+    found = []
+    for now in range(begin_ns, begin_ns + round(seconds * S), CONTROL_PERIOD_NS):
+        for out in node.step(now, filled(node, board(now, 2.0), ("run/stage", Stage(now, stage, S, S)))):
+            if out.topic == "car/command":
+                found.append(out.message)
+    return found
+
+
+def test_the_car_is_brought_to_rest_when_the_run_has_ended():
+    node = CarFollower(FakeFollower())
+    assert commands(node, S, 0.2, "attempt")[-1].speed == 2.0
+    ending = commands(node, 2 * S, 2.0, "ended")
+    speeds = [c.speed for c in ending]
+    assert speeds == sorted(speeds, reverse=True)
+    assert max(a - b for a, b in zip([2.0, *speeds], speeds, strict=False)) <= 1.5 * 0.02 + 1e-9, (
+        "no harder than 1.5 m/s^2"
+    )
+    assert (speeds[-1], ending[-1].turn_rate) == (0.0, 0.0)
+    assert [c.turn_rate / c.speed for c in ending if c.speed] == pytest.approx(
+        [0.25] * sum(c.speed > 0 for c in ending)
+    )
+    assert [c.stamp_ns for c in ending] == list(range(2 * S, 4 * S, CONTROL_PERIOD_NS)), "it goes on asking for rest"
+
+
+def test_it_ends_without_having_begun():
+    node = CarFollower(FakeFollower())
+    (out,) = node.step(S, filled(node, ("run/stage", Stage(S, "ended", 0, 0))))
+    assert (out.message.speed, out.message.turn_rate) == (0.0, 0.0)
+
+
+def test_a_measurement_that_is_not_finite_is_not_driven_by():
+    node = CarFollower(FakeFollower())
+    bad = ("mocap/board", BoardState(S, (math.nan, 0.0, 0.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0))
+    assert node.step(S, filled(node, bad, ("run/stage", Stage(S, "attempt", S, S)))) == []

@@ -1,0 +1,99 @@
+import math
+
+import pytest
+
+from hil.contract.messages import BoardState, Stage, VehicleState
+from hil.nodes.referee import Referee
+from kernel.rotations import from_euler
+from policies.task.contact import ContactRules
+from tests.unit.hil.contract.node_fakes import filled
+
+START = 10_000_000_000
+RULES = ContactRules()
+TILT = math.radians(60.0)
+
+
+def stage(name="attempt"):
+    return Stage(START, name, START, START - 1)
+
+
+def board(incl=TILT, speed=0.0):
+    return BoardState(START, (0.0, 0.0, 1.5), (speed, 0.0, 0.0), from_euler(0.0, -incl, 0.0), 0.0, speed, 0.0)
+
+
+def vehicle(gap=0.3, closing=0.5, along=0.0, tilt=TILT, offset=0.0, board_speed=0.0):
+    """Above the board of inclination TILT: its pads `gap` from the surface, closing along the normal (m, m/s)."""
+    normal = (-math.sin(TILT), 0.0, math.cos(TILT))
+    slope = (math.cos(TILT), 0.0, math.sin(TILT))
+    height = RULES.robot_l + gap
+    position = tuple(c + height * n + offset * s for c, n, s in zip((0.0, 0.0, 1.5), normal, slope, strict=True))
+    velocity = [along * s - closing * n for n, s in zip(normal, slope, strict=True)]
+    velocity[0] += board_speed
+    return VehicleState(START, position, tuple(velocity), from_euler(0.0, -tilt, 0.0), (0.0, 0.0, 0.0))
+
+
+def judge(referee, now_ns, vehicle_state, name="attempt", board_state=None):
+    inbox = filled(
+        referee, ("mocap/vehicle", vehicle_state), ("mocap/board", board_state or board()), ("run/stage", stage(name))
+    )
+    return [out.message for out in referee.step(now_ns, inbox)]
+
+
+def test_it_says_nothing_outside_the_attempt():
+    referee = Referee(RULES, TILT)
+    for name in ("prepare", "lead", "ended"):
+        assert judge(referee, START, vehicle(gap=-0.01), name) == []
+    assert referee.step(START, filled(referee, ("run/stage", stage()))) == [], "nor before it has seen anything"
+
+
+def test_a_clean_perch():
+    referee = Referee(RULES, TILT)
+    (seen,) = judge(referee, START, vehicle(gap=0.3))
+    assert (seen.outcome, seen.attached) == ("ongoing", False)
+    contact, event = judge(referee, START + 10_000_000, vehicle(gap=-0.001, along=0.2, offset=0.05))
+    assert (contact.outcome, contact.reason, contact.attached, contact.within_tolerance) == ("success", "", True, True)
+    assert contact.stamp_ns == START, "the time of the sample, not of the judgement"
+    assert contact.x == pytest.approx(0.05, abs=1e-6)
+    assert contact.normal_speed == pytest.approx(-0.5)
+    assert contact.tangential_speed == pytest.approx(0.2)
+    assert contact.normal_error == pytest.approx(0.0, abs=1e-6)
+    assert event.text == "success, attached"
+
+
+def test_speeds_are_relative_to_a_moving_board():
+    referee = Referee(RULES, TILT)
+    contact, _ = judge(referee, START, vehicle(gap=-0.001, board_speed=2.0), board_state=board(speed=2.0))
+    assert contact.within_tolerance
+    assert (contact.normal_speed, contact.tangential_speed) == pytest.approx((-0.5, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("state", "reason", "attached"),
+    [
+        (vehicle(gap=-0.001, along=0.9), "tangential_speed", False),
+        (vehicle(gap=-0.001, offset=0.21), "distance", False),
+        (vehicle(gap=-0.001, tilt=TILT - 0.25), "alignment", True),
+    ],
+)
+def test_a_broken_tolerance_is_named_and_the_magnet_judged_apart(state, reason, attached):
+    contact, event = judge(Referee(RULES, TILT), START, state)
+    assert (contact.outcome, contact.reason, contact.within_tolerance) == ("fail", reason, False)
+    assert contact.attached == attached
+    assert reason in event.text
+
+
+def test_time_and_ground_end_an_attempt():
+    late = START + round(RULES.time_limit * 1e9) + 1_000_000
+    contact, _ = judge(Referee(RULES, TILT), late, vehicle(gap=1.0))
+    assert (contact.outcome, contact.reason) == ("fail", "time")
+    low = VehicleState(START, (3.0, 0.0, 0.1), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+    contact, _ = judge(Referee(RULES, TILT), START, low)
+    assert (contact.outcome, contact.reason) == ("fail", "ground")
+
+
+def test_the_first_decision_stands():
+    referee = Referee(RULES, TILT)
+    first, _ = judge(referee, START, vehicle(gap=-0.001, along=0.9))
+    (again,) = judge(referee, START + 10_000_000, vehicle(gap=-0.001))
+    assert again is first
+    assert not again.within_tolerance

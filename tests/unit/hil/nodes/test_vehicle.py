@@ -1,0 +1,196 @@
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from hil.contract.messages import Action, BoardState, Contact, VehicleState
+from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleDevice, VehicleLink
+from hil.safety.gate import Gate, GateLimits
+from tests.unit.hil.contract.node_fakes import filled
+from vehicle.px4.driver.types import ExternalPose, LinkOutput, Note, Odometry, Rates
+
+MS = 1_000_000
+NOW = 1_000 * MS
+
+
+class FakeLink:
+    """Says what it is told to, notes what it is given."""
+
+    def __init__(self):
+        self.commands, self.calls, self.poses = [], [], []
+        self.said = LinkOutput("handed_over", True, True, False, False, "OFFBOARD", 15.2, 0.49)
+        self.garbage = 3
+        self.parameters = {}
+
+    def step(self, now_ns, command=None, external_pose=None):
+        self.commands.append(command)
+        self.poses.append(external_pose)
+        self.said.sent_thrust = None if command is None else 0.5
+        return self.said
+
+    def kill(self):
+        self.calls.append("kill")
+
+    def release(self):
+        self.calls.append("release")
+
+
+class Rig:
+    """Link node, gate and fake driver."""
+
+    def __init__(self, **options):
+        self.link = FakeLink()
+        self.node = VehicleLink(self.link, Gate(GateLimits()), **options)
+        self.step(NOW - 4 * MS, odometry=True)
+
+    def step(self, now_ns, *heard, odometry=False):
+        sample = Odometry(now_ns, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+        self.link.said.odometry = [sample] if odometry else []
+        outs = self.node.step(now_ns, filled(self.node, *heard))
+        return {topic: [out.message for out in outs if out.topic == topic] for topic in self.node.outputs}
+
+
+def test_parameters_are_told_once_they_are_read():
+    rig = Rig()
+    told = []
+    for phase in ("connect", "parameters", "streams", "streams", "ready", "arm"):
+        rig.link.said.phase = phase
+        rig.link.parameters = {"COM_OF_LOSS_T": 0.3} if phase != "connect" else {}
+        told += [(phase, m.names, m.values) for m in rig.step(NOW)["vehicle/parameters"]]
+    assert told == [("streams", ("COM_OF_LOSS_T",), (0.3,))]
+
+
+def action(stamp=NOW, rate=(0.1, 0.2, 0.3), engaged=True):
+    return "policy/action", Action(stamp, engaged, rate, 9.0, "dive", stamp, 1.0)
+
+
+def contact(outcome, attached=False):
+    return "referee/contact", Contact(NOW, outcome, "", attached, attached, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_command_goes_out_and_what_went_out_is_told():
+    rig = Rig()
+    (sent,) = rig.step(NOW, action())["vehicle/sent"]
+    assert rig.link.commands[-1] == Rates((0.1, 0.2, 0.3), 9.0)
+    assert (sent.body_rate, sent.thrust, sent.thrust_normalised, sent.limited) == ((0.1, 0.2, 0.3), 9.0, 0.5, False)
+
+
+def test_what_the_gate_clips_is_what_goes_out():
+    rig = Rig()
+    (sent,) = rig.step(NOW, action(rate=(9.0, 0.0, 0.0)))["vehicle/sent"]
+    assert rig.link.commands[-1] == Rates((4.0, 0.0, 0.0), 9.0)
+    assert (sent.body_rate, sent.limited) == ((4.0, 0.0, 0.0), True)
+
+
+def test_without_a_fresh_engaged_command_nothing_is_sent():
+    rig = Rig()
+    for heard in ((), (action(engaged=False),), (action(stamp=NOW - 60 * MS),)):
+        assert rig.step(NOW, *heard)["vehicle/sent"] == []
+        assert rig.link.commands[-1] is None
+    assert rig.node.refused == 1
+
+
+def test_only_the_newest_command_counts():
+    rig = Rig()
+    rig.step(NOW, action(NOW - 10 * MS, (1.0, 0.0, 0.0)), action(NOW, (2.0, 0.0, 0.0)))
+    assert rig.link.commands[-1] == Rates((2.0, 0.0, 0.0), 9.0)
+
+
+def test_a_trip_silences_the_wire_for_good_and_says_so_once():
+    rig = Rig()
+    outs = rig.step(NOW, action(rate=(math.nan, 0.0, 0.0)))
+    assert rig.link.commands[-1] is None
+    assert outs["vehicle/sent"][0].tripped == "command is not finite"
+    assert [(e.severity, e.text) for e in outs["event"]] == [("error", "gate tripped: command is not finite")]
+    for later in range(1, 5):
+        outs = rig.step(NOW + later * 10 * MS, action(NOW + later * 10 * MS), odometry=True)
+        assert rig.link.commands[-1] is None
+        assert (outs["vehicle/sent"], outs["event"]) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("verdict", "call"),
+    [
+        (contact("success", attached=True), "kill"),
+        (contact("fail", attached=True), "kill"),
+        (contact("fail"), "release"),
+        (contact("success"), "release"),
+    ],
+)
+def test_after_the_verdict_the_motors_stop_on_the_board_and_land_elsewhere(verdict, call):
+    rig = Rig()
+    rig.step(NOW, contact("ongoing"))
+    assert rig.link.calls == []
+    rig.step(NOW, verdict)
+    assert set(rig.link.calls) == {call}
+
+
+def test_on_a_board_that_is_not_there_the_motors_go_on():
+    rig = Rig(virtual_board=True)
+    rig.step(NOW, contact("success", attached=True))
+    assert set(rig.link.calls) == {"release"}
+
+
+def test_status_comes_ten_times_a_second_and_at_every_change_of_phase():
+    rig = Rig()
+    stamps = []
+    for now in range(NOW, NOW + 300 * MS, 2 * MS):
+        rig.link.said.phase = "released" if now >= NOW + 150 * MS else "handed_over"
+        stamps += [status.stamp_ns for status in rig.step(now)["vehicle/status"]]
+    first = NOW - 4 * MS + STATUS_PERIOD_NS
+    assert stamps == [first, NOW + 150 * MS, NOW + 250 * MS]
+
+
+def test_notes_become_events_and_odometry_is_passed_on():
+    rig = Rig()
+    rig.link.said.notes = [Note("warning", "battery low")]
+    outs = rig.step(NOW, odometry=True)
+    assert [(e.severity, e.source, e.text) for e in outs["event"]] == [("warning", "vehicle_link", "battery low")]
+    assert outs["vehicle/odometry"] == [
+        VehicleState(NOW, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+    ]
+    assert rig.node.garbage == 3
+
+
+SEEN = "mocap/vehicle", VehicleState(NOW - 5 * MS, (1.0, 2.0, 3.0), (9.0,) * 3, (0.6, 0.8, 0.0, 0.0), (9.0,) * 3)
+
+
+def test_motion_capture_is_passed_on_to_the_autopilot_where_the_rig_says_so():
+    rig = Rig(external_pose=True)
+    rig.step(NOW, SEEN)
+    assert rig.link.poses[-1] == ExternalPose(NOW - 5 * MS, (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
+    rig = Rig()
+    assert "mocap/vehicle" not in rig.node.inputs
+    rig.step(NOW)
+    assert rig.link.poses[-1] is None
+
+
+class FakeSim:
+    """Notes where it is attached and how far it is stepped."""
+
+    def __init__(self):
+        self.calls = []
+
+    def attach(self, position, orientation, stamp_ns, velocity, turn_rate):
+        self.calls.append(("attach", position, stamp_ns, velocity, turn_rate))
+
+    def step(self, now_ns):
+        self.calls.append(("step", now_ns))
+
+    def truth(self):
+        return SimpleNamespace(
+            position=(1.0, 2.0, 3.0), velocity=(0.0,) * 3, orientation=(1.0, 0.0, 0.0, 0.0), body_rate=(0.0,) * 3
+        )
+
+
+def test_the_device_rides_on_the_board_once_the_magnet_holds():
+    sim = FakeSim()
+    node = VehicleDevice(sim)
+    board = BoardState(0, (4.0, 5.0, 1.5), (2.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.0, 2.0, 0.3)
+    for verdict in ((), (contact("ongoing"),), (contact("fail"),), (contact("success", attached=True),)):
+        (out,) = node.step(NOW, filled(node, ("truth/board", board), *verdict))
+        assert (out.topic, out.message.stamp_ns, out.message.position) == ("truth/vehicle", NOW, (1.0, 2.0, 3.0))
+    assert sim.calls == [("step", NOW)] * 3 + [
+        ("attach", (4.0, 5.0, 1.5), 0, (2.0, 0.0, 0.0), 0.3),
+        ("step", NOW),
+    ]

@@ -1,0 +1,140 @@
+import json
+import shutil
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from hil.recording.reader import Recording
+from hil.recording.recorder import Recorder
+from hil.recording.recover import RecoverError, recover
+from tests.unit.hil.recording.recorded_flight import record
+
+NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("whole") / "run.mcap", pictures="preview")
+
+
+@pytest.fixture
+def run(tmp_path, whole):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    shutil.copy(whole, folder / "run.mcap")
+    (folder / "manifest.json").write_text('{"state": "running"}')
+    return folder
+
+
+def cut(run: Path, share: float) -> bytes:
+    data = (run / "run.mcap").read_bytes()
+    kept = data[: int(share * len(data))]
+    (run / "run.mcap").write_bytes(kept)
+    return kept
+
+
+def messages(path):
+    return [(raw.log_ns, raw.topic, raw.data) for raw in Recording(path).raw()]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8, 0.95])
+def test_a_cut_recording_becomes_a_whole_one_with_every_readable_message(run, whole, share):
+    kept = cut(run, share)
+    readable = messages(run)
+    done = recover(run, NOW)
+    after = Recording(run)
+    assert after.complete
+    assert after.faults == []
+    assert messages(run) == readable
+    assert done.messages == len(readable) > 0
+    assert set(readable) <= set(messages(whole))
+    assert done.original is not None
+    assert done.original.read_bytes() == kept
+    assert after.metadata == Recording(whole).metadata
+
+
+def test_other_tools_read_what_was_recovered(run):
+    from mcap.reader import make_reader
+
+    cut(run, 0.6)
+    done = recover(run, NOW)
+    with (run / "run.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == done.messages
+        assert sum(1 for _ in reader.iter_messages()) == done.messages
+
+
+def test_the_manifest_says_what_was_done_and_no_longer_running(run):
+    cut(run, 0.5)
+    recover(run, NOW)
+    manifest = json.loads((run / "manifest.json").read_text())
+    assert manifest["state"] == "interrupted"
+    assert manifest["recovered"]["original"] == "run.truncated.mcap"
+    assert manifest["recovered"]["utc"] == "2026-01-02T03:04:05+00:00"
+    assert manifest["recovered"]["faults"]
+
+
+def test_a_whole_recording_is_left_alone(run):
+    before = (run / "run.mcap").read_bytes()
+    done = recover(run, NOW)
+    assert (done.original, done.faults) == (None, ())
+    assert (run / "run.mcap").read_bytes() == before
+    assert json.loads((run / "manifest.json").read_text()) == {"state": "running"}
+
+
+def test_a_damaged_block_in_the_middle_is_left_out(run):
+    data = bytearray((run / "run.mcap").read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 200] = bytes(200)
+    (run / "run.mcap").write_bytes(data)
+    readable = Recording(run)
+    count = sum(readable.counts().values())
+    assert readable.faults
+    assert recover(run, NOW).messages == count
+
+
+def test_an_original_is_never_overwritten(run, whole):
+    first = cut(run, 0.8)
+    recover(run, NOW)
+    second = cut(run, 0.7)
+    done = recover(run, NOW)
+    assert (run / "run.truncated.mcap").read_bytes() == first
+    assert done.original == run / "run.truncated-2.mcap"
+    assert (run / "run.truncated-2.mcap").read_bytes() == second
+
+
+def test_a_run_that_is_still_being_written_is_refused(tmp_path, run):
+    (run / "run.mcap").unlink()
+    with Recorder(run / "run.mcap"), pytest.raises(RecoverError, match="has it open"):
+        recover(run, NOW)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"), [(b"", "is empty"), (b"rubbish" * 100, "no MCAP"), (None, "cannot be read")]
+)
+def test_what_is_no_recording_is_refused_and_nothing_changes(run, content, says):
+    (run / "run.mcap").unlink()
+    if content is not None:
+        (run / "run.mcap").write_bytes(content)
+    before = sorted(path.name for path in run.iterdir())
+    with pytest.raises(RecoverError, match=says):
+        recover(run, NOW)
+    assert sorted(path.name for path in run.iterdir()) == before
+
+
+def test_a_recording_without_one_readable_message_is_refused(run):
+    data = (run / "run.mcap").read_bytes()
+    (run / "run.mcap").write_bytes(data[:6000])
+    with pytest.raises(RecoverError, match="not one message"):
+        recover(run, NOW)
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path):
+    with pytest.raises(RecoverError, match="no run folder"):
+        recover(tmp_path, NOW)
+    with pytest.raises(RecoverError, match="no such run"):
+        recover(tmp_path / "gone", NOW)

@@ -1,0 +1,121 @@
+"""The viewer, without a display: what is written, and what is said when it cannot be used."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from hil.cli import report as cli_report
+from hil.recording.reader import ReadError
+from hil.viewer import view
+from tests.paths import GOLDEN_RUN as GOLDEN
+
+
+@pytest.fixture
+def command():
+    app = typer.Typer()
+    cli_report.register(app)
+    return lambda *args: CliRunner().invoke(app, [str(a) for a in args])
+
+
+def entities(path):
+    """entity path -> rows of an .rrd file."""
+    chunks = pytest.importorskip("rerun.chunk")
+    rows: dict[str, int] = {}
+    reader = chunks.RrdReader(path)
+    assert len(reader.recordings()) == 1 and len(reader.blueprints()) >= 1
+    for chunk in reader.stream(store=reader.recordings()[0]).to_chunks():
+        rows[str(chunk.entity_path)] = rows.get(str(chunk.entity_path), 0) + chunk.num_rows
+    return rows
+
+
+def test_saved_file_holds_scene_pictures_and_series(tmp_path):
+    pytest.importorskip("rerun")
+    view.save_rrd(GOLDEN, tmp_path / "run.rrd")
+    rows = entities(tmp_path / "run.rrd")
+    for path in ("/world/vehicle", "/world/board", "/world/belief", "/world/vehicle/camera", "/plots/rho/0", "/events"):
+        assert rows.get(path, 0) > 1, path
+    for path in ("/world/board/tags", "/world/board/plate", "/world/vehicle/camera/tags", "/world/detection"):
+        assert rows.get(path, 0) >= 1, path
+    assert [p.name for p in tmp_path.iterdir()] == ["run.rrd"]
+
+
+def test_a_recording_cut_off_is_shown_as_far_as_it_goes(tmp_path):
+    pytest.importorskip("rerun")
+    run = shutil.copytree(GOLDEN, tmp_path / "run")
+    data = (run / "run.mcap").read_bytes()
+    (run / "run.mcap").write_bytes(data[: len(data) // 2])
+    view.save_rrd(run, tmp_path / "run.rrd")
+    assert entities(tmp_path / "run.rrd").get("/world/vehicle", 0) > 1
+
+
+def test_not_a_recording(tmp_path, command):
+    pytest.importorskip("rerun")
+    (tmp_path / "x.mcap").write_bytes(b"nonsense")
+    with pytest.raises(ReadError):
+        view.save_rrd(tmp_path / "x.mcap", tmp_path / "x.rrd")
+    result = command("view", tmp_path / "x.mcap", "--save", tmp_path / "x.rrd")
+    assert result.exit_code == 2 and result.stderr.count("\n") == 1
+    assert not (tmp_path / "x.rrd").exists()
+
+
+def test_without_the_viewer_it_is_one_clear_line(monkeypatch, command):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    result = command("view", GOLDEN)
+    assert result.exit_code == 2
+    assert result.stderr == "perch-hil: the viewer is not installed: pip install 'perch-hil[view]' (rerun-sdk 0.41)\n"
+
+
+def test_no_folder_to_save_in(tmp_path, command):
+    pytest.importorskip("rerun")
+    result = command("view", GOLDEN, "--save", tmp_path / "no" / "x.rrd")
+    assert result.exit_code == 3 and "cannot be written" in result.stderr and result.stderr.count("\n") == 1
+
+
+def test_no_display_is_one_clear_line(monkeypatch, command):
+    pytest.importorskip("rerun")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    if not sys.platform.startswith("linux"):
+        pytest.skip("only Linux can be without a display")
+    result = command("view", GOLDEN)
+    assert result.exit_code == 3
+    assert "there is no display" in result.stderr and result.stderr.count("\n") == 1
+    monkeypatch.setenv("DISPLAY", ":77")  # none there
+    result = command("view", GOLDEN)
+    assert result.exit_code == 3
+    assert "opened no window" in result.stderr and "Use --save FILE.rrd" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_the_viewer_listens_on_loopback_only(monkeypatch):
+    started = []
+    monkeypatch.setattr(view.subprocess, "Popen", lambda command, **_: started.append(command))
+    port = view.free_port()
+    view.spawn_viewer(port, Path("a.rrd"))
+    assert started[0][started[0].index("--bind") + 1] == "127.0.0.1"
+    assert started[0][started[0].index("--port") + 1] == str(port)
+    assert started[0][-1] == "a.rrd"
+    assert view.address(port) == f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def test_report_on_the_command_line(tmp_path, command):
+    run = shutil.copytree(GOLDEN, tmp_path / "run")
+    result = command("report", run)
+    assert result.exit_code == 0 and result.stdout.startswith(f"wrote {run / 'report.html'}")
+    result = command("report", run, "--out", tmp_path / "absent" / "r.html")
+    assert result.exit_code == 3 and result.stderr.count("\n") == 1
+    result = command("report", run, run, "--compare", run)
+    assert result.exit_code == 2 and result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"not a recording", b"\x89MCAP0\r\n"])
+def test_report_on_what_is_no_recording(tmp_path, command, content):
+    (tmp_path / "x.mcap").write_bytes(content)
+    result = command("report", tmp_path / "x.mcap")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("perch-hil: ") and result.stderr.count("\n") == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["x.mcap"]

@@ -1,0 +1,44 @@
+"""The filter where policies learn (all motions, the noise model, delays, looking away): its errors are what it says."""
+
+import numpy as np
+import pytest
+
+from policies.environment.config import TICK, EnvConfig
+from policies.environment.env import Env
+from policies.environment.rows import S_STEP
+from policies.estimation.board_ekf import B_ACCEPTED, B_NIS, B_STREAK, B_T, belief_covariance
+from policies.estimation.ctrv import N
+from policies.teachers.teacher import Teacher
+
+
+def consistency(scale):
+    """(NIS of the accepted, [(age of the newest exposure s, NEES of position, NEES of speed and turn rate)])."""
+    env = Env(EnvConfig(stage="vision", count=128, seed=9, noise_scale=(scale, scale), warm=1.0))
+    env.reset()
+    teacher, x, p = Teacher(env), np.zeros(8), np.zeros(N * N)
+    belief = env.rows.belief
+    nis, found = [], []
+    for k in range(120):
+        before = belief[:, B_ACCEPTED].copy()
+        env.step(teacher.act())
+        fresh = (belief[:, B_ACCEPTED] == before + 1) & (belief[:, B_STREAK] > 8)
+        nis.extend(belief[fresh, B_NIS])
+        for i in range(k % 4, 128, 4):
+            step = int(env.rows.state[i, S_STEP])
+            if belief[i, B_STREAK] > 8:
+                belief_covariance(belief[i], step * TICK, env.shared.belief, x, p)
+                error, cov = x - env.rows.track[i, step], p.reshape(N, N)
+                place, speed = (error[k] @ np.linalg.solve(cov[k, k], error[k]) for k in (slice(0, 2), slice(4, 6)))
+                found.append((step * TICK - belief[i, B_T], place, speed))
+    return np.array(nis), np.array(found)
+
+
+@pytest.mark.parametrize("scale", [0.3, 1.0])
+def test_innovations_and_errors_are_as_large_as_the_filter_says(scale):
+    nis, found = consistency(scale)
+    seen, lost = found[found[:, 0] < 0.1], found[found[:, 0] > 0.4]
+    assert len(seen) > 500 and len(lost) > 100
+    assert 2.0 < nis.mean() < 6.0  # five degrees of freedom
+    for part in (seen, lost):  # two degrees of freedom each; the noise's constant bias is in the error too
+        assert 0.2 < part[:, 1].mean() < 4.0
+        assert 0.2 < part[:, 2].mean() < 3.0

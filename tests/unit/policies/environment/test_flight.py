@@ -1,0 +1,60 @@
+"""A recorded training episode through the flight's own classes: the same belief, observation and commands."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from policies.environment.config import EnvConfig
+from policies.environment.flight import EnvFlight
+from policies.estimation.board_filter import BoardFilter
+from policies.flying.onnx_policy import OnnxPolicy
+from policies.flying.shipped import policy_file
+from policies.task.observation import action_from_command
+
+STATE = policy_file("state")
+
+
+CONFIG = EnvConfig(
+    stage="vision", speed=(0.5, 1.5), inclination_deg=(0.0, 40.0), detector_hz=(60.0, 60.0), latency=(0.02, 0.025)
+)
+
+
+def test_flight_computes_what_training_computes():
+    """Detections as they arrive, odometry with its noise, the thrust gain learnt on the way: every tick, to the end."""
+    blind = sum(fly_both(seed) for seed in (3, 7, 9))
+    assert blind > 15  # the flare takes the board out of view, so the prediction alone was compared too
+
+
+def fly_both(seed):
+    """One episode, each tick compared; returns how many had seen nothing for a while."""
+    flight, board = EnvFlight(replace(CONFIG, seed=seed)), BoardFilter()
+    rows = flight.env.rows
+    policy = OnnxPolicy(STATE, flight.env.airframe)
+    policy.reset(-10_000_000)  # the gain's estimate has seen the tick before, as in training
+    ticks = blind = 0
+    while not flight.done and ticks < 300:
+        for seen in flight.detections():
+            told = seen.exposure_ns, seen.position, seen.orientation, seen.position_sigma, seen.orientation_sigma
+            assert board.update(*told) in ("accepted", "gated")
+        estimate = board.estimate(flight.now_ns)
+        believed = [*estimate.position, estimate.heading, estimate.speed, estimate.turn_rate, estimate.inclination]
+        assert believed == pytest.approx(rows.believed[0, :7], abs=1e-5)
+        trained = policy._session.run(None, {"observation": rows.observation})[0][0]
+        estimate = estimate._replace(valid=True)  # training acts on the first detection, a flight waits for some
+        command = policy.step(flight.now_ns, flight.odometry(), estimate)
+        flown = np.zeros(4)
+        action_from_command(np.array([*command.body_rate, command.thrust]), flown)
+        assert flown == pytest.approx(trained, abs=1e-5)
+        blind += estimate.rho < 0.9
+        flight.act(command)
+        ticks += 1
+    assert ticks > 80
+    return blind
+
+
+def test_other_episodes_are_refused():
+    with pytest.raises(ValueError, match="vision stage"):
+        EnvFlight(EnvConfig(stage="state"))
+    with pytest.raises(ValueError, match="warm"):
+        EnvFlight(EnvConfig(stage="vision", warm=0.5))

@@ -1,0 +1,40 @@
+"""Contenders by name, each in the environment that it was made for."""
+
+import numpy as np
+import pytest
+
+from policies.evaluation.contenders import open_contender
+from policies.evaluation.evaluate import run_episodes
+from policies.flying.contract import ContractError, read_contract
+from policies.task.contact import OUTCOME, SUCCESS
+
+STATE = "policies/checkpoints/state.onnx"
+FLAT = {"speed": (0.8, 1.2), "inclination_deg": (0.0, 20.0), "families": (1.0, 0, 0, 0, 0, 0)}
+
+
+def test_a_wrong_name_is_one_line_with_the_nearest():
+    with pytest.raises(ValueError, match="did you mean 'planner'") as error:
+        open_contender("plannr")
+    assert "\n" not in str(error.value)
+    with pytest.raises(ContractError, match="does not exist"):
+        open_contender("nowhere.onnx")
+
+
+def test_a_network_is_judged_as_its_contract_says():
+    network = open_contender(STATE)
+    config = network.config(None, 5, count=8)
+    assert (config.stage, config.seed, config.noise_scale) == ("state", 5, (1.0, 1.0))
+    assert config.stride == read_contract(STATE).observation.stride
+    assert config.odometry_noise == 0.0 and network.config("vision", 5).odometry_noise == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "stage", "least"),
+    [("planner", "vision", 0.6), ("planner-analytic", "state", 0.7), ("expert", "state", 0.9)],
+)
+def test_they_perch_on_an_easy_board(name, stage, least):
+    contender = open_contender(name)
+    ended = run_episodes(contender.policy, contender.config(stage, 40, count=32, **FLAT), noise="measured")
+    assert (ended[:, OUTCOME] == SUCCESS).mean() >= least
+    again = run_episodes(contender.policy, contender.config(stage, 40, count=32, **FLAT), noise="measured")
+    assert np.array_equal(ended, again)

@@ -1,0 +1,37 @@
+"""Policies as a flight steps them."""
+
+import pytest
+
+from hil.contract.messages import Belief, VehicleState
+from policies.flying.onnx_policy import OnnxPolicy, policy_factory
+from policies.flying.shipped import SHIPPED, policy_file
+from policies.task.observation import FILL
+from vehicle.quadrotor.airframe import load_airframe
+
+MS = 1_000_000
+AIRFRAME = load_airframe("paper_quad")
+
+
+def test_between_ticks_the_newest_picture_is_acted_on_and_the_history_keeps_its_pace():
+    policy = OnnxPolicy(policy_file("vision"), AIRFRAME)
+    policy.reset(0)
+
+    def act(now_ms, tick_ms, ahead):
+        odometry = VehicleState(tick_ms * MS, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+        board = Belief(
+            now_ms * MS, True, (ahead, 0.0, 1.0), 0.0, 1.0, 0.0, 1.0, 1.0, 0, 9, 0, (0.0,) * 8, 0.0, 9, 0.01
+        )  # fmt: skip
+        return policy.step(now_ms * MS, odometry, board)
+
+    act(10, 10, 3.0)
+    late = act(16, 10, 2.5)
+    assert late != act(16, 10, 3.0)  # what the picture told is in the answer
+    act(20, 20, 2.5)
+    assert policy._builder._row[FILL] == 2.0
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, "planner", "planner-analytic"])
+def test_what_comes_with_the_project_flies_by_name_from_any_folder(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    policy = policy_factory(name, AIRFRAME)()
+    policy.reset(0)

@@ -1,0 +1,18 @@
+"""The networks that come with the project perch whatever drag the vehicle has."""
+
+from dataclasses import replace
+
+import pytest
+
+from policies.evaluation.contenders import open_contender
+from policies.evaluation.evaluate import POINTS, fly_cases
+
+
+@pytest.mark.parametrize("name", ["state", "vision", "planner"])
+def test_it_perches_with_the_paper_s_dynamics_and_with_twice_the_drag(name):
+    contender = open_contender(name)
+    stage = "state" if name == "state" else "vision"
+    config = replace(contender.config(stage, 5), count=100)
+    cases = {str(factor): {**POINTS["T2"], "drag": (factor, factor)} for factor in (0.0, 2.0)}
+    for row in fly_cases(contender.policy, config, cases, "measured"):
+        assert row.success >= 90.0, row

@@ -1,0 +1,73 @@
+"""Networks: shapes, ablations, the geometry features against plain vector arithmetic."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from policies.network.actor_critic import FUTURE, GEOMETRY_DIM, Actor, Critic, NetworkConfig, geometry, normalisation
+from policies.task.observation import ENTRY_DIM, NEWEST, OBS_DIM, TAIL, TAIL_DIM, TAIL_R
+
+torch.set_num_threads(1)
+
+
+def observations(count=5, seed=0):
+    return torch.from_numpy(np.random.default_rng(seed).normal(size=(count, OBS_DIM)).astype(np.float32))
+
+
+@pytest.mark.parametrize("temporal", [True, False])
+@pytest.mark.parametrize("with_geometry", [True, False])
+def test_shapes_and_ablations(temporal, with_geometry):
+    config = NetworkConfig(temporal=temporal, geometry=with_geometry)
+    actor, critic = Actor(config), Critic(config)
+    observation, future = observations(), torch.zeros(5, FUTURE * ENTRY_DIM)
+    assert actor(observation).shape == (5, 4)
+    assert critic(observation, future).shape == (5,)
+    density = -4.0 * (config.log_std + 0.5 * math.log(2 * math.pi))
+    assert actor.log_prob(torch.zeros(5, 4), torch.zeros(5, 4)).detach().numpy() == pytest.approx(density, rel=1e-5)
+    assert NetworkConfig.of(config.data()) == config
+
+
+def test_without_temporal_augmentation_the_past_does_not_matter():
+    for temporal in (True, False):
+        actor = Actor(NetworkConfig(temporal=temporal))
+        torch.nn.init.normal_(actor.head.weight)
+        one = observations()
+        two = one.clone()
+        two[:, :NEWEST] += 1.0
+        changed = bool((actor(one) - actor(two)).abs().max() > 1e-4)
+        assert changed == temporal
+
+
+def test_without_temporal_augmentation_the_critic_sees_no_future():
+    for temporal in (True, False):
+        critic = Critic(NetworkConfig(temporal=temporal))
+        far = torch.ones(5, FUTURE * ENTRY_DIM)
+        changed = bool((critic(observations(), 0 * far) - critic(observations(), far)).abs().max() > 1e-5)
+        assert changed == temporal
+
+
+def test_geometry_by_hand():
+    newest, tail = torch.zeros(1, ENTRY_DIM), torch.zeros(1, TAIL_DIM)
+    newest[0, :9] = torch.tensor([1.0, 2.0, -2.0, 0.6, 0.0, 0.8, 1.5, 0.5, 0.1])
+    tail[0, 0:3] = torch.tensor([0.5, 0.5, -1.0])
+    tail[0, TAIL_R : TAIL_R + 9] = torch.eye(3).ravel()
+    out = geometry(newest, tail)[0].numpy()
+    assert out.shape == (GEOMETRY_DIM,)
+    p, n, v = np.array([1.0, 2.0, -2.0]), np.array([0.6, 0.0, 0.8]), np.array([-1.0, 0.0, -1.0])
+    along, closing = p @ n, v @ n
+    assert out[0] == pytest.approx(along) and out[1] == pytest.approx(closing)
+    assert out[2:5] == pytest.approx(p - along * n, abs=1e-5) and out[5:8] == pytest.approx(v - closing * n, abs=1e-5)
+    assert out[8:11] == pytest.approx(2.0 * (np.array([0, 0, 1]) - n), abs=1e-6)
+    assert out[11:14] == pytest.approx(v)
+    assert out[16] == pytest.approx(1.0 / 3.25)
+
+
+def test_normalisation_covers_the_observation():
+    shift, scale = normalisation()
+    assert len(shift) == len(scale) == ENTRY_DIM + TAIL_DIM
+    assert min(scale) > 0.0
+    actor = Actor(NetworkConfig())
+    assert actor.trunk.scale.shape == (OBS_DIM,)
+    assert actor.trunk.scale[TAIL - 1] == actor.trunk.scale[ENTRY_DIM - 1]

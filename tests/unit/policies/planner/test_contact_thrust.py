@@ -1,0 +1,91 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from policies.planner.contact_thrust import touch_thrust
+from policies.planner.params import PlannerParams
+from policies.planner.search import board_normal
+
+PARAMS = PlannerParams(drag=0.0, touch_keep=0.0, touch_lag=0.0)
+ROW = PARAMS.row()
+G = PARAMS.gravity
+
+
+def board(inclination, speed=0.0):
+    return np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, inclination, 0.0])
+
+
+def land(
+    inclination, height, closing, along, left, planned=9.0, lean=0.0, speed=0.0, acceleration=0.0, sigma=0.0, off=0.0
+):
+    """Fly the last moment in the board's plane with body z `lean` rad from the normal. (into, along) m/s at contact.
+
+    The board is `off` m farther along its normal than it is believed to be."""
+    platform, h, t, dt = board(inclination, speed), height, 0.0, 0.0025
+    n = np.array(board_normal(platform))
+    u = np.array([math.cos(inclination), 0.0, math.sin(inclination)])
+    v = -closing * n + along * u + np.array([speed, 0.0, 0.0])
+    z = math.cos(lean) * n + math.sin(lean) * u
+    edge = PARAMS.robot_l * math.cos(lean) + PARAMS.robot_r * abs(math.sin(lean))
+    for _ in range(400):
+        p = platform[:3] + (h - off + edge) * n
+        f = touch_thrust(p, v, *z, platform, acceleration, left - t, planned, planned, 1.0, sigma, ROW)
+        assert PARAMS.thrust_min - 1e-9 <= f <= PARAMS.thrust_max + 1e-9
+        v = v + dt * (f * z - np.array([0.0, 0.0, G]))
+        platform[4] += acceleration * dt
+        relative = v - np.array([platform[4], 0.0, 0.0])
+        h += dt * float(relative @ n)
+        t += dt
+        if h <= 0.0:
+            return -float(relative @ n), float(relative @ u)
+    return None
+
+
+def test_a_flat_board_is_touched_at_the_touch_speed():
+    into, along = land(0.0, height=0.25, closing=1.0, along=0.0, left=0.32)
+    assert into == pytest.approx(PARAMS.touch_speed, abs=0.12)
+    assert along == pytest.approx(0.0, abs=1e-6)
+
+
+def test_too_fast_is_braked_and_too_slow_is_let_fall():
+    fast, _ = land(0.3, height=0.2, closing=1.8, along=0.3, left=0.2)
+    slow = land(0.3, height=0.1, closing=0.2, along=0.3, left=0.2)
+    assert fast < 1.1  # full thrust could not do better than 1.04
+    assert slow is not None and slow[0] > 0.2
+
+
+def test_a_board_that_brakes_is_answered():
+    plain = land(1.2, height=0.15, closing=1.2, along=1.2, left=0.15)
+    braking = land(1.2, height=0.15, closing=1.2, along=1.2, left=0.15, speed=2.0, acceleration=-2.0)
+    assert plain is not None and braking is not None
+    assert abs(braking[0] - plain[0]) < 0.35
+
+
+@pytest.mark.parametrize(("inclination", "speed", "left"), [(0.52, 0.65, 0.14), (1.05, 0.9, 0.12)])
+def test_told_how_well_it_knows_the_surface_it_skids_less_wherever_that_is(inclination, speed, left):
+    worst = {}
+    for sigma in (0.0, 0.015):
+        met = [land(inclination, 0.1 + off, speed, speed, left, sigma=sigma, off=off) for off in (-0.04, 0.04)]
+        worst[sigma] = max(abs(along) for _, along in met)
+    assert worst[0.015] < 0.85 * worst[0.0]
+
+
+@given(
+    st.floats(0.0, 1.3), st.floats(0.05, 0.3), st.floats(0.4, 1.6), st.floats(-0.5, 1.5), st.floats(0.02, 0.3),
+    st.floats(0.0, 0.1),
+)  # fmt: skip
+def test_any_thrust_is_within_what_can_be_asked(inclination, height, closing, along, left, sigma):
+    platform = board(inclination)
+    n = np.array(board_normal(platform))
+    u = np.array([math.cos(inclination), 0.0, math.sin(inclination)])
+    p = platform[:3] + (height + PARAMS.robot_l) * n
+    f = touch_thrust(p, along * u - closing * n, *n, platform, 0.0, left, 9.0, 9.0, 1.0, sigma, ROW)
+    assert PARAMS.thrust_min <= f <= PARAMS.thrust_max
+
+
+def test_far_from_the_normal_the_plan_counts():
+    p, v, platform = np.array([-1.0, 0.0, 1.6]), np.zeros(3), board(1.2)
+    assert touch_thrust(p, v, 0.0, 0.0, 1.0, platform, 0.0, 0.2, 9.3, 9.3, 1.0, 0.02, ROW) == 9.3

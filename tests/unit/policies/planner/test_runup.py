@@ -1,0 +1,141 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from policies.planner import params as pp
+from policies.planner import runup as ru
+from policies.planner.params import PlannerParams
+from policies.prediction import speed_history as sh
+from policies.prediction.future import HORIZON, STEP
+
+ROW = PlannerParams().row()[pp.COUNT :]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.3, 1.45))
+def test_from_the_gate_the_flare_ends_on_the_board_at_the_impact_speed(inclination):
+    x, z, vx, vz, duration = ru.flare_gate(inclination, ROW)
+    steps, pitch = 4000, 0.0
+    dt = duration / steps
+    for _ in range(steps):
+        pitch += 0.5 * ROW[pp.RUN_RATE] * dt
+        ax = -ROW[pp.RUN_THRUST] * math.sin(pitch)
+        az = ROW[pp.RUN_THRUST] * math.cos(pitch) - ROW[pp.GRAVITY]
+        x, z = x + dt * (vx + 0.5 * dt * ax), z + dt * (vz + 0.5 * dt * az)
+        vx, vz = vx + dt * ax, vz + dt * az
+        pitch += 0.5 * ROW[pp.RUN_RATE] * dt
+    n = np.array([-math.sin(inclination), math.cos(inclination)])
+    assert pitch == pytest.approx(inclination, abs=1e-6)
+    assert [x, z] == pytest.approx(ROW[pp.ROBOT_L] * n, abs=1e-3)
+    assert [vx, vz] == pytest.approx(-ROW[pp.IMPACT_SPEED] * n, abs=1e-3)
+
+
+@pytest.mark.parametrize("degrees", [62.0, 65.0, 70.0, 75.0, 80.0])
+def test_from_where_it_begins_the_camera_sees_the_board(degrees):
+    inclination = math.radians(degrees)
+    x, z, *_ = ru.runup_reference(ru.runup_time(inclination, ROW), inclination, ROW)
+    lowest = ROW[pp.CAMERA_TILT] + ROW[pp.CAMERA_HALF_FOV]  # held level there
+    assert 0.5 * lowest < math.atan2(z, -x) < lowest - math.radians(5.0)
+
+
+def test_the_reference_starts_at_rest_and_arrives_at_the_gate_without_a_jump():
+    inclination = math.radians(70.0)
+    whole = ru.runup_time(inclination, ROW)
+    start = ru.runup_reference(whole, inclination, ROW)
+    assert start[2] == pytest.approx(0.0, abs=1e-9)
+    gate = ru.flare_gate(inclination, ROW)
+    assert ru.runup_reference(0.0, inclination, ROW)[:4] == pytest.approx(gate[:4])
+    times = np.linspace(whole, -0.1, 400)
+    rows = np.array([ru.runup_reference(t, inclination, ROW) for t in times])
+    dt = times[0] - times[1]
+    for position, velocity in ((0, 2), (1, 3)):
+        mean = 0.5 * (rows[1:, velocity] + rows[:-1, velocity])
+        assert np.diff(rows[:, position]) / dt == pytest.approx(mean, abs=0.01)
+    assert np.all(np.diff(rows[:, 0]) >= -1e-9)
+
+
+def test_at_its_starting_point_with_the_board_s_speed_it_only_holds():
+    inclination, speed = math.radians(70.0), 1.5
+    left = ru.runup_time(inclination, ROW)
+    x, z, *_ = ru.runup_reference(left, inclination, ROW)
+    platform = np.array([3.0, 1.0, 1.5, 0.5, speed, 0.0, inclination, 0.0])
+    c, s, out = math.cos(0.5), math.sin(0.5), np.zeros(4)
+    p = np.array([3.0 + x * c, 1.0 + x * s, 1.5 + z])
+    v = np.array([speed * c, speed * s, 0.0])
+    q = np.array([math.cos(0.25), 0.0, 0.0, math.sin(0.25)])
+    error, rate = ru.fly_runup(left, True, p, v, q, platform, 0.0, 1.0, ROW, out)
+    assert (error, rate) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (
+        out[3] == pytest.approx(ROW[pp.GRAVITY], abs=0.05) and abs(out[0]) < 1e-9 and out[1] > 0
+    )  # leans into the drag
+    moving, _ = ru.fly_runup(left - 1.0, False, p, v, q, platform, 0.0, 1.0, ROW, out)
+    assert moving > 0.3 and out[1] > 0.5  # behind: nose down
+
+
+@pytest.mark.parametrize(
+    ("behind", "closing"), [(1.0, ROW[pp.RUN_PULL]), (2.0, 2.0 * ROW[pp.RUN_PULL]), (20.0, ROW[pp.FOLLOW_SPEED])]
+)
+def test_to_its_starting_point_it_flies_at_a_speed_by_the_distance_up_to_a_limit(behind, closing):
+    inclination, drag_free = math.radians(70.0), ROW.copy()
+    drag_free[pp.DRAG] = 0.0
+    left = ru.runup_time(inclination, ROW)
+    x, z, *_ = ru.runup_reference(left, inclination, ROW)
+    platform = np.array([0.0, 0.0, 1.5, 0.0, 2.0, 0.0, inclination, 0.0])
+    p, level = np.array([x - behind, 0.0, 1.5 + z]), np.array([1.0, 0.0, 0.0, 0.0])
+    pitch_rates = []
+    for faster in (-0.2, 0.0, 0.2):
+        out, v = np.zeros(4), np.array([2.0 + closing + faster, 0.0, 0.0])
+        ru.fly_runup(left, True, p, v, level, platform, 0.0, 1.0, drag_free, out)
+        pitch_rates.append(out[1])
+    assert pitch_rates[0] > 0.1 and abs(pitch_rates[1]) < 1e-6 and pitch_rates[2] < -0.1
+
+
+def swinging(phase):
+    """Past and future of a board whose speed swings between 1.0 and 2.5 m/s every 3 s; `phase` rad is now."""
+
+    def speed(t):
+        return 1.75 + 0.75 * math.cos(phase + 2.0 * math.pi * t / 3.0)
+
+    history, future = np.zeros(sh.HISTORY_DIM), np.zeros((HORIZON, 8))
+    for k in range(400):
+        sh.history_push(history, 0.01 * k, speed(0.01 * k - 4.0))
+    future[:, 4] = [speed(STEP * k) for k in range(HORIZON)]
+    return future, history, speed
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_a_run_up_is_begun_if_it_meets_the_board_slow(share):
+    inclination = math.radians(70.0)
+    there = ru.runup_time(inclination, ROW) + ru.flare_gate(inclination, ROW)[4]
+    taken = 0
+    for phase in np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False):
+        future, history, speed = swinging(phase)
+        begun = ru.met_slow(future, STEP, inclination, share, history, ROW)
+        taken += begun
+        if abs(speed(there) - 1.0 - 1.5 * share) > 0.1:
+            assert begun == (speed(there) < 1.0 + 1.5 * share)
+    assert taken > 0
+
+
+def test_a_board_that_was_slow_a_moment_ago_is_waited_for_although_nothing_is_foretold_of_it():
+    inclination = math.radians(70.0)
+    future, history, _ = swinging(0.0)
+    future[:, 4] = 2.5
+    assert not ru.met_slow(future, STEP, inclination, 0.2, history, ROW)
+    steady = np.zeros(sh.HISTORY_DIM)
+    for k in range(400):
+        sh.history_push(steady, 0.01 * k, 2.5)
+    assert ru.met_slow(future, STEP, inclination, 0.2, steady, ROW)
+
+
+@pytest.mark.parametrize(
+    ("speed", "degrees", "runs"),
+    [(0.0, 67.0, False), (-0.3, 67.0, False), (0.0, 69.0, True), (1.0, 64.0, False), (1.0, 67.0, True),
+     (2.0, 63.0, True), (-2.0, 63.0, True), (2.0, 61.0, False)],
+)  # fmt: skip
+def test_a_slow_board_has_to_be_steeper_for_a_run_up(speed, degrees, runs):
+    platform = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, math.radians(degrees), 0.0])
+    assert ru.runs_up(platform, ROW) == runs

@@ -1,0 +1,84 @@
+"""What the driver believes of PX4's modes: the first ACK of a mode change, and HEARTBEATs that stop, say little."""
+
+from tests.unit.vehicle.px4.driver.driver_bench import MS, Bench
+from vehicle.px4 import protocol as px4
+from vehicle.px4.codec import Packer, Parser
+from vehicle.px4.driver.types import Rates
+
+HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
+
+
+def hover(_):
+    return HOVER
+
+
+def test_the_first_ack_of_a_mode_change_is_not_believed():
+    """PX4 says ACCEPTED before it has looked; the refusal comes in a second ACK."""
+    bench, acks = Bench(), Parser()
+    asked = bench.sim.commander.request_mode
+
+    def refuse(custom):
+        if custom == px4.OFFBOARD:
+            return px4.Result.TEMPORARILY_REJECTED, "Switching to Offboard is currently not available\t"
+        return asked(custom)
+
+    bench.sim.commander.request_mode = refuse
+    received, seen = bench.tap.receive, []
+
+    def watch():
+        items = received()
+        seen.extend(frame.fields for data in items for frame in acks.feed(data) if frame.name == "COMMAND_ACK")
+        return items
+
+    bench.tap.receive = watch
+    bench.to("goto")
+    seen.clear()
+    bench.to("failed")
+    verdicts = [ack.result for ack in seen if ack.command == px4.Command.DO_SET_MODE]
+    assert verdicts[:2] == [px4.Result.ACCEPTED, px4.Result.TEMPORARILY_REJECTED]
+    (text,) = bench.said("OFFBOARD was refused after 8 tries")
+    assert "Switching to Offboard is currently not available" in text
+    assert not bench.sent
+    assert bench.run(20.0, hover, until=lambda: not bench.sim.flight.armed), "it is landed again"
+
+
+def test_a_px4_left_in_offboard_is_brought_to_hold_before_arming():
+    """After a landing PX4 falls back to OFFBOARD, where it refuses to arm without a stream."""
+    bench = Bench().to("ready")
+    bench.theirs.peer.send(Packer(245, 190).send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    bench.to("hover")
+    modes = [text for text in bench.texts if text.startswith("mode ")]
+    assert modes[:4] == ["mode AUTO.LOITER", "mode OFFBOARD", "mode AUTO.LOITER", "mode AUTO.TAKEOFF"]
+    assert not bench.said("denied")
+
+
+def test_heartbeats_that_stop_are_told_while_control_goes_on():
+    """Whether to go on without HEARTBEATs is the caller's choice: odometry still comes, so the driver obeys."""
+    bench = Bench().to("hover")
+    bench.run(0.5, hover)
+    bench.sim.set_heartbeat(False)
+    bench.run(2.0, hover)
+    assert bench.out.connected
+    bench.run(2.1, hover)
+    assert not bench.out.connected
+    assert [note.severity for _, note in bench.notes if "no HEARTBEAT" in note.text] == ["error"]
+    assert bench.link.phase == "handed_over"
+    bench.sim.set_heartbeat(True)
+    bench.run(1.1, hover)
+    assert bench.out.connected
+    assert len(bench.said("no HEARTBEAT")) == 1
+
+
+def test_odometry_that_stops_leaves_the_last_sample_old_and_nothing_invented():
+    """The gate decides on the age of the newest sample, so no sample may be repeated with a new stamp."""
+    bench = Bench().to("hover")
+    bench.run(0.5, hover)
+    ours = Parser()
+    receive = bench.tap.receive
+    keep = lambda data: all(frame.name != "ODOMETRY" for frame in ours.feed(data))  # noqa: E731
+    bench.tap.receive = lambda: [data for data in receive() if keep(data)]
+    bench.run(0.05, hover)
+    count, last = len(bench.odometry), bench.odometry[-1][1].stamp_ns
+    bench.run(1.0, hover)
+    assert len(bench.odometry) == count
+    assert bench.now - last > 1_000 * MS

@@ -1,0 +1,302 @@
+"""The driver when things go wrong: refusals, gaps, garbage, other clients, lost links, wrong vehicles."""
+
+import random
+
+import pytest
+
+from tests.unit.vehicle.px4.driver.driver_bench import START, Bench
+from vehicle.px4 import protocol as px4
+from vehicle.px4.codec import Packer
+from vehicle.px4.driver.types import LinkConfig, Rates
+
+HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
+NAN = float("nan")
+
+
+def hover(_):
+    return HOVER
+
+
+def client(system=255, component=190):
+    return Packer(system, component)
+
+
+# refusals
+
+
+def test_refused_arming_fails_with_the_autopilot_s_own_words():
+    bench = Bench().to("arm")
+    bench.sim.flight.terminated = True
+    bench.to("failed")
+    (text,) = bench.said("arming was refused")
+    assert "TEMPORARILY_REJECTED) after 8 tries" in text
+    assert "; the autopilot said: " in text and "Arming denied: Resolve system health failures first" in text
+    assert bench.seconds < 12.0
+    assert not bench.sim.flight.armed
+
+
+def test_a_driver_that_may_not_arm_waits_until_it_may():
+    bench = Bench(arm=False, prearm_limit=3.0).to("ready")
+    bench.run(12.0, hover)
+    assert bench.link.phase == "ready"
+    assert not bench.sim.flight.armed
+    bench.link.allow_arming()
+    bench.to("hover")
+
+
+def test_arming_that_nobody_answers():
+    bench = Bench().to("arm")
+    bench.deafen(True)
+    bench.to("failed")
+    assert bench.said("arming was refused (no answer) after 8 tries")
+
+
+def test_prearm_checks_that_never_pass():
+    bench = Bench(sim={"parameters": {"SENS_EN_GPSSIM": 0, "SYS_HAS_GPS": 0}}, prearm_limit=8.0)
+    bench.to("failed")
+    assert bench.said("not ready after 8 s: its pre-arm checks did not pass")
+
+
+def test_a_parameter_that_px4_does_not_have_is_said_and_the_rest_is_set():
+    bench = Bench(parameters={"COM_OF_LOS_T": 0.3, "COM_OBL_RC_ACT": 4}, tries=2).to("ready")
+    assert bench.said("this PX4 has no parameter COM_OF_LOS_T, or does not answer: not set")
+    assert bench.sim.flight.parameters["COM_OBL_RC_ACT"] == 4
+    assert bench.said("COM_OF_LOSS_T is 1 s"), "what was meant is judged all the same"
+    assert [note.severity for _, note in bench.notes if "COM_OF_LO" in note.text] == ["warning"] * 2
+
+
+def test_a_px4_that_answers_for_no_parameter_at_all_does_not_fly():
+    bench = Bench(tries=2).to("parameters")
+    bench.deafen(True)
+    bench.to("failed")
+    assert bench.said("the autopilot answers no request for a parameter")
+
+
+def test_a_px4_without_a_parameter_that_decides_over_silence_does_not_arm():
+    assert LinkConfig(start=START).required == ("COM_OF_LOSS_T", "COM_OBL_RC_ACT")
+    bench = Bench(tries=2, required=("COM_OF_LOSS_T", "COM_NO_SUCH"), parameters={"COM_NO_SUCH": 1.0}).to("failed")
+    assert bench.said("this PX4 has no parameter COM_NO_SUCH, or does not answer")
+    assert bench.said("it is not armed")
+    assert not bench.sim.truth().armed
+
+
+def test_a_parameter_that_px4_does_not_take_over_ends_in_bounded_time():
+    bench = Bench(tries=3)
+    bench.sim.flight.parameters.set_wire = lambda *_: None
+    bench.to("failed")
+    assert bench.said("COM_OF_LOSS_T, COM_OBL_RC_ACT was not taken over")
+    assert bench.seconds < 6.0
+
+
+def test_integer_parameters_are_sent_as_integers():
+    bench = Bench(parameters={"COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 0.4, "NAV_RCL_ACT": 3}).to("ready")
+    values = bench.sim.flight.parameters
+    assert (values["COM_OBL_RC_ACT"], values["NAV_RCL_ACT"]) == (5, 3)
+    assert values["COM_OF_LOSS_T"] == pytest.approx(0.4)
+    assert isinstance(values["NAV_RCL_ACT"], int)
+
+
+def test_a_vehicle_that_is_armed_already_is_left_alone():
+    bench = Bench().to("goto")
+    bench.relink()
+    bench.uplink.clear()
+    bench.to("failed")
+    assert bench.said("armed already")
+    bench.run(5.0)
+    assert bench.asked == {"HEARTBEAT", "TIMESYNC"}, "not even a landing is asked for"
+    assert bench.sim.flight.active != px4.LAND
+
+
+def test_another_airframe_than_its_file_says_is_landed():
+    bench = Bench(hover_thrust=0.25).to("failed")
+    assert bench.said("hover thrust is 0.44") and bench.said("wrong airframe file")
+    assert bench.run(20.0, until=lambda: not bench.sim.flight.armed)
+    assert bench.sim.truth().position[2] == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_motor_that_gives_nothing_ends_before_the_hand_over():
+    bench = Bench(goto_limit=8.0)
+    bench.to("goto")
+    bench.sim.fail_motor(0, 0.2)
+    bench.run(15.0, hover)
+    assert bench.link.phase in ("failed", "interrupted")
+    assert not bench.sent
+
+
+# who flies
+
+
+def test_after_a_gap_control_is_not_taken_up_again():
+    bench = Bench().to("hover")
+    bench.run(0.5, hover)
+    bench.run(0.32)
+    assert bench.link.phase == "interrupted"
+    assert bench.said("control lost: no command for 0.25 s")
+    count = len(bench.sent)
+    bench.run(3.0, hover)  # the policy is back: PX4 would return to OFFBOARD by itself
+    assert len(bench.sent) == count
+    assert bench.link.refused == 300
+    assert bench.sim.flight.active == px4.LAND
+    assert bench.out.failsafe
+    assert bench.said("autopilot in failsafe, mode AUTO.LAND") and bench.said("autopilot: Failsafe activated")
+    bench.link.release()
+    assert bench.run(20.0, hover, until=lambda: not bench.out.armed)
+    bench.run(1.0)
+    assert bench.sim.flight.intended == px4.HOLD
+
+
+def test_a_gap_shorter_than_the_limit_is_flown_over():
+    bench = Bench().to("hover")
+    bench.run(0.5, hover)
+    bench.run(0.2)
+    bench.run(1.0, hover)
+    assert bench.link.phase == "handed_over"
+    assert bench.sim.flight.active == px4.OFFBOARD
+
+
+def test_a_pilot_who_takes_over_keeps_control():
+    bench = Bench(gcs=True).to("hover")
+    bench.run(0.5, hover)
+    pilot = client()
+    bench.gcs.send(pilot.send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0))
+    bench.run(0.1, hover)
+    assert bench.link.phase == "interrupted"
+    assert bench.said("the autopilot is in AUTO.LOITER")
+    count = len(bench.sent)
+    bench.run(3.0, hover)
+    assert (len(bench.sent), bench.sim.flight.active) == (count, px4.HOLD)
+    assert bench.speed < 0.3
+
+
+@pytest.mark.parametrize("phase", ["goto", "hover"])
+def test_a_pilot_may_take_over_before_the_hand_over_too(phase):
+    bench = Bench(gcs=True).to(phase)
+    bench.run(1.0)
+    bench.gcs.send(client().send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 4.0, 6.0, 0.0, 0.0, 0.0, 0.0))
+    bench.run(2.0, hover)
+    assert (bench.link.phase, bench.sent) == ("interrupted", [])
+    assert bench.sim.flight.active == px4.LAND
+
+
+@pytest.mark.parametrize("phase", ["connect", "ready", "takeoff", "goto"])
+def test_commands_before_the_hover_are_refused(phase):
+    bench = Bench().to(phase)
+    bench.run(0.1, hover)
+    assert (bench.sent, bench.link.refused) == ([], 10)
+    assert bench.link.phase != "handed_over"
+
+
+@pytest.mark.parametrize("field", range(4))
+@pytest.mark.parametrize("bad", [NAN, float("inf")])
+def test_commands_that_are_not_finite_are_never_sent(field, bad):
+    bench = Bench().to("hover")
+    numbers = [0.0, 0.0, 0.0, 9.8]
+    numbers[field] = bad
+    bench.run(0.1, lambda _: Rates((numbers[0], numbers[1], numbers[2]), numbers[3]))
+    assert (bench.sent, bench.link.refused, bench.link.phase) == ([], 10, "hover")
+
+
+def test_thrust_stays_on_the_wire_s_scale():
+    bench = Bench().to("hover")
+    bench.run(0.02, lambda _: Rates((0.0, 0.0, 0.0), 400.0))
+    bench.run(0.02, lambda _: Rates((0.0, 0.0, 0.0), -4.0))
+    assert [thrust for _, _, thrust in bench.sent] == [1.0, 1.0, 0.0, 0.0]
+
+
+# the wire
+
+
+def test_garbage_is_counted_and_changes_nothing():
+    rng = random.Random(5)
+    bench = Bench()
+
+    def babble():
+        if rng.random() < 0.2:
+            noise = bytes(rng.choices(range(256), k=rng.randint(1, 60)))
+            bench.tap.noise.append(noise)
+            bench.theirs.peer.send(bytes(rng.choices(range(256), k=20)))
+
+    bench.each = babble
+    bench.to("hover", limit=60.0)
+    bench.run(0.3, hover)
+    assert bench.link.phase == "handed_over"
+    assert bench.link.garbage > 10_000
+
+
+def test_other_clients_heartbeats_are_not_px4_s():
+    """PX4 forwards them: an armed drone in MANUAL from 255/190, and PX4's system with another component."""
+    bench = Bench(gcs=True)
+    others = [client(), client(1, 191), client(2, 1)]
+
+    def shout():
+        for other in others:
+            bench.gcs.send(other.send_name("HEARTBEAT", 2, 12, 0x91, 0x00010000, 5, 3))
+            bench.tap.noise.append(other.send_name("HEARTBEAT", 2, 12, 0x91, 0x00010000, 5, 3))
+
+    bench.each = lambda: shout() if bench.now % 200_000_000 == 0 else None
+    bench.to("hover")
+    assert bench.link.counters["foreign_frames"] > 100
+    assert not bench.out.failsafe
+    assert not bench.said("MANUAL")
+
+
+def test_only_others_on_the_wire_is_said():
+    bench = Bench(system=3)
+    bench.run(11.0)
+    assert bench.link.phase == "connect"
+    assert bench.said("no PX4 heard as system 3, component 1 yet (heard: 1/1")
+
+
+def test_a_lost_link_is_told():
+    bench = Bench().to("hover")
+    bench.theirs.peer._inbound.clear()
+    stopped = bench.sim.step
+    bench.sim.step = lambda now: None
+    bench.run(4.0)
+    assert not bench.out.connected
+    assert bench.said("link lost: no HEARTBEAT for 3 s")
+    bench.sim.step = stopped
+
+
+def test_a_reboot_on_the_ground_begins_again_and_in_flight_fails():
+    for phase, then in (("ready", "hover"), ("goto", "failed")):
+        bench = Bench().to(phase)
+        bench.run(2.5)
+        fresh = Bench(begin_ns=bench.now)
+        fresh.sim.ports["api"]._wire = bench.theirs
+        bench.sim = fresh.sim
+        bench.sim.step(bench.now)
+        bench.to(then)
+        assert bench.said("the autopilot has rebooted")
+        if then == "hover":
+            assert bench.link.counters["clock_offset_ns"] == pytest.approx(-fresh.begin, abs=2_000_000)
+
+
+@pytest.mark.parametrize(
+    ("x", "attitude", "ahead_us"),
+    [(NAN, (1.0, 0.0, 0.0, 0.0), 3000), (0.0, (0.0, 0.0, 0.0, 0.0), 3000), (0.0, (1.0, 0.0, 0.0, 0.0), -50_000)],
+    ids=["not a number", "no rotation", "older than the last"],
+)
+def test_odometry_that_cannot_be_is_counted(x, attitude, ahead_us):
+    bench = Bench().to("hover")
+    values = (
+        bench.sim.boot_ns // 1000 + ahead_us,
+        1,
+        1,
+        x,
+        0.0,
+        0.0,
+        attitude,
+        *(0.0,) * 6,
+        *((NAN,) * 21,) * 2,
+        4,
+        8,
+        0,
+    )
+    bench.tap.noise.append(client(1, 1).send_name("ODOMETRY", *values))
+    samples = len(bench.odometry)
+    bench.step()
+    assert bench.link.counters["bad_odometry"] == 1
+    assert len(bench.odometry) - samples <= 1
+    bench.run(0.1)
+    assert len(bench.odometry) - samples >= 9

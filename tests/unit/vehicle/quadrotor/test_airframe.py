@@ -1,0 +1,97 @@
+"""Airframe files: what they must say, how errors read, and what randomisation may change."""
+
+import numpy as np
+import pytest
+
+from kernel.random import stream
+from vehicle.quadrotor import airframe as af
+
+GOOD = """
+title = "t"
+[body]
+mass = 1.0
+inertia = [0.01, 0.01, 0.02]
+[motors]
+thrust_to_weight = 2.0
+lag = 0.03
+arm_x = 0.1
+arm_y = 0.1
+yaw_torque = 0.01
+[rate_control]
+p = [0.1, 0.1, 0.1]
+i = [0.1, 0.1, 0.1]
+d = [0.0, 0.0, 0.0]
+"""
+
+
+def test_the_published_figures_are_in_the_files():
+    paper = af.load_airframe("paper_quad")
+    assert (paper.body.mass, paper.motors.thrust_to_weight, paper.camera.tilt_deg) == (0.6102, 2.26, 15.0)
+    assert (paper.contact.magnet_below, paper.contact.footprint_radius) == (0.04, 0.13)
+    crazyflie = af.load_airframe("crazyflie")
+    assert (crazyflie.body.mass, crazyflie.motors.thrust_to_weight) == (0.0311, 1.53)
+
+
+@pytest.mark.parametrize("name", af.list_airframes())
+def test_hover_command_carries_the_nominal_weight(name):
+    frame = af.load_airframe(name)
+    row = frame.params_row()
+    assert row.shape == (af.NP,) and row.dtype == np.float64
+    assert 4 * row[af.MOTOR_THRUST] * row[af.HOVER_THRUST] == pytest.approx(row[af.MASS] * af.GRAVITY)
+
+
+def test_sih_is_the_measured_vehicle():
+    row = af.load_airframe("sih_quad").params_row()
+    assert row[af.MOTOR_THRUST] == pytest.approx(5.0, rel=1e-6)
+    assert row[af.MOTOR_THRUST] * row[af.YAW_TORQUE] == pytest.approx(0.1, rel=1e-6)
+
+
+def test_randomising_stays_in_range_and_leaves_the_controllers_belief_alone():
+    frame, keys = af.load_airframe("paper_quad"), stream(1, 2)
+    nominal = frame.params_row()
+    rows = np.array([frame.randomised(keys) for _ in range(400)])
+    mass = rows[:, af.MASS] / nominal[af.MASS]
+    inertia = rows[:, af.INERTIA] / nominal[af.INERTIA]
+    per_mass = (rows[:, af.MOTOR_THRUST] / rows[:, af.MASS]) / (nominal[af.MOTOR_THRUST] / nominal[af.MASS])
+    for values, width in ((mass, 0.30), (inertia, 0.10), (per_mass, 0.15)):
+        assert abs(values - 1).max() <= width and abs(values - 1).max() > 0.95 * width
+    assert abs(np.corrcoef([mass, inertia, per_mass]) - np.eye(3)).max() < 0.15
+    changed = np.flatnonzero((rows != nominal).any(axis=0))
+    assert set(changed) == {af.MASS, af.INERTIA, af.INERTIA + 1, af.INERTIA + 2, af.MOTOR_THRUST}
+
+
+def test_one_stream_state_gives_one_vehicle():
+    frame = af.load_airframe("paper_quad")
+    assert (frame.randomised(stream(7)) == frame.randomised(stream(7))).all()
+
+
+def test_a_file_of_ones_own_is_read_and_named_after_itself(tmp_path):
+    (tmp_path / "mine.toml").write_text(GOOD)
+    assert af.load_airframe(tmp_path / "mine.toml").name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("mass = 1.0", "mass = -1.0"), "body.mass"),
+        (("mass = 1.0", "mass = nan"), "body.mass"),
+        (("mass = 1.0", "weight = 1.0"), "body.weight"),
+        (("thrust_to_weight = 2.0", "thrust_to_weight = 0.9"), "motors.thrust_to_weight"),
+        (("[0.01, 0.01, 0.02]", "[0.01, 0.01, 0.03]"), "inertia"),
+        (("p = [0.1, 0.1, 0.1]", "p = [0.1, 0.1]"), "rate_control.p"),
+        (('title = "t"', 'title = "t'), "not valid TOML"),
+    ],
+)
+def test_errors_name_file_and_key(tmp_path, change, says):
+    path = tmp_path / "broken.toml"
+    path.write_text(GOOD.replace(*change))
+    with pytest.raises(ValueError, match=r"broken\.toml") as error:
+        af.load_airframe(path)
+    assert says in str(error.value)
+
+
+def test_unknown_names_suggest_the_nearest():
+    with pytest.raises(ValueError, match="paper_quad"):
+        af.load_airframe("paper_qaud")
+    with pytest.raises(ValueError, match=r"nowhere\.toml: cannot be read"):
+        af.load_airframe("nowhere.toml")

@@ -1,0 +1,44 @@
+import numpy as np
+
+from vehicle.quadrotor.pose_history import PoseAt, PoseHistory
+
+
+def _pose(x: float, yaw: float = 0.0, speed: float = 1.0, yaw_rate: float = 0.0) -> PoseAt:
+    return PoseAt(
+        np.array([x, 0.0, 1.0]),
+        np.array([speed, 0.0, 0.0]),
+        np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]),
+        np.array([0.0, 0.0, yaw_rate]),
+    )
+
+
+def test_interpolates_between_samples_and_across_the_quaternion_sign():
+    history = PoseHistory()
+    history.add(0, _pose(0.0, 0.0))
+    flipped = _pose(1.0, 0.2)
+    history.add(10, flipped._replace(orientation=-flipped.orientation))
+    middle = history.at(5)
+    assert middle is not None
+    assert np.allclose(middle.position, [0.5, 0, 1])
+    assert np.allclose(middle.orientation, _pose(0, 0.1).orientation, atol=1e-5)
+
+
+def test_extrapolates_with_the_twist_but_not_far():
+    history = PoseHistory(extrapolate_ns=30_000_000)
+    history.add(0, _pose(0.0, yaw=0.3, speed=2.0, yaw_rate=1.0))
+    ahead = history.at(10_000_000)
+    assert ahead is not None
+    assert np.allclose(ahead.position, [0.02, 0, 1])
+    assert np.allclose(ahead.orientation, _pose(0, 0.31).orientation, atol=1e-4)
+    assert history.at(31_000_000) is None
+
+
+def test_refuses_what_it_does_not_know_and_what_is_broken():
+    history = PoseHistory(span_ns=100)
+    assert history.at(0) is None
+    assert history.add(1000, _pose(0.0))
+    assert not history.add(1000, _pose(1.0))
+    assert not history.add(1001, _pose(float("nan")))
+    assert history.at(999) is None
+    history.add(2000, _pose(2.0))
+    assert history.at(1500) is None

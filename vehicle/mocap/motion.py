@@ -1,0 +1,60 @@
+"""How a body moves, from the poses that motion capture gives of it: a parabola through the last few, its slope now.
+
+A straight line through them would show the motion of half a window ago, which at 10 m/s^2 is a third of a metre per
+second wrong; the parabola's slope at the newest pose lags only by what the acceleration changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from kernel.rotations import conjugate, multiply, to_rotation_vector
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+SAMPLES = 8
+GAP_NS = 100_000_000  # poses further apart than this say nothing about the motion between them
+
+
+class BodyMotion:
+    """One body. Until three poses are known it is taken to stand still."""
+
+    def __init__(self) -> None:
+        self._poses: deque[tuple[int, Vec3, Quat]] = deque(maxlen=SAMPLES)
+
+    def add(self, stamp_ns: int, position: Vec3, orientation: Quat) -> tuple[Vec3, Vec3] | None:
+        """Velocity (m/s, world) and body rate (rad/s, body) at this newest pose: m (world), wxyz (world from body).
+
+        None for a pose that is not finite, no rotation, or not newer than the last one.
+        """
+        numbers = (*position, *orientation)
+        if not all(map(math.isfinite, numbers)) or not 0.9 < math.hypot(*orientation) < 1.1:
+            return None
+        if self._poses:
+            passed = stamp_ns - self._poses[-1][0]
+            if passed <= 0:
+                return None
+            if passed > GAP_NS:
+                self._poses.clear()
+        self._poses.append((stamp_ns, position, orientation))
+        if len(self._poses) < 3:
+            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        times = np.array([(stamp - stamp_ns) * 1e-9 for stamp, _, _ in self._poses])
+        back = conjugate(orientation)
+        rows = np.array(
+            [(*p, *to_rotation_vector(_near(multiply(back, q)))) for _, p, q in self._poses]
+        )  # turned and moved, as seen from the newest pose
+        scale = float(-times[0])
+        design = np.stack([np.ones_like(times), times / scale, (times / scale) ** 2], axis=1)
+        slope = np.linalg.lstsq(design, rows, rcond=None)[0][1] / scale
+        vx, vy, vz, p, q, r = map(float, slope)
+        return (vx, vy, vz), (p, q, r)
+
+
+def _near(q: Quat) -> Quat:
+    """The one of the two quaternions of this rotation that turns by less than half a turn."""
+    return q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])

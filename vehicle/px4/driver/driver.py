@@ -1,0 +1,213 @@
+"""The driver of a PX4 autopilot, real or simulated, on any byte wire: from silence to body rates and back.
+
+`step` never blocks and reads no clock. It takes the vehicle through the phases of `LinkOutput.phase`; PX4's mode is
+believed from CURRENT_MODE and HEARTBEAT only, because the first COMMAND_ACK of a mode change is always ACCEPTED.
+After the hand-over nothing is sent without a fresh command: silence is what the autopilot's failsafe waits for. PX4
+would return to OFFBOARD by itself when a stream resumes, so after a gap or a change of mode this driver stays silent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from vehicle.px4 import protocol as px4
+from vehicle.px4.driver.core import BEFORE_FLIGHT, SECOND
+from vehicle.px4.driver.goto import Approach, HoverThrust
+from vehicle.px4.driver.prepare import ARM, SETPOINT_NS, GroundPhases
+from vehicle.px4.driver.send import ByteWire
+from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Rates
+
+_KILL_NS = 100_000_000
+_TAKEN_OFF_M = 1.0  # above the ground; OFFBOARD takes over from the take-off here
+_STREAM_FIRST_S = 0.2  # of set-points before OFFBOARD is asked for
+_MANNED = ("takeoff", "goto", "hover", "handed_over", "interrupted", "hold")
+
+
+class Px4Link(GroundPhases):
+    """One autopilot on one wire."""
+
+    def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
+        super().__init__(wire, config)
+        self._approach = Approach(config)
+        self._learned = HoverThrust(config.hover_thrust, config.hover_thrust_tolerance)
+        self.hover_thrust = config.hover_thrust  # what a thrust of one g is sent as
+        self._command_t = self._setpoint_t = 0
+        self._offboard = self._killing = False  # OFFBOARD has run; the motors shall stop
+        flight = ("arm", "takeoff", "goto", "hover", "handed_over", "interrupted", "hold", "released", "failed")
+        self._steps: dict[str, Callable[[int], None]] = {
+            name: getattr(self, f"_step_{name}") for name in (*BEFORE_FLIGHT, *flight)
+        }
+
+    def kill(self) -> None:
+        """Stop the motors at once, in the air or perched; repeated until the autopilot says it is disarmed."""
+        self._killing = True
+
+    def hold(self) -> None:
+        """Hand the vehicle back: the autopilot holds its position. No effect on the ground."""
+        self._hand_back("hold")
+
+    def release(self) -> None:
+        """Hand the vehicle back: the autopilot lands it where it is and disarms. No effect on the ground."""
+        self._hand_back("released")
+
+    def step(self, now_ns: int, command: Rates | None = None, external_pose: ExternalPose | None = None) -> LinkOutput:
+        """Hear the autopilot, move through the phases, send what is due. Call it at 100 Hz or faster.
+
+        `command` takes control over once hovering, and must then come every `gap_limit`. `external_pose` is passed on
+        to PX4's estimator, at most at `external_pose_hz`.
+        """
+        self._notes = []
+        self._send.begin(now_ns)
+        self._listen(now_ns)
+        self._routine(now_ns, external_pose)
+        sent = None
+        if self._killing:
+            self._step_killed(now_ns)
+        else:
+            if command is not None:
+                sent = self._take(command)
+            if sent is None:
+                self._steps[self.phase](now_ns)
+        return self._output(now_ns, sent, self._learned.value)
+
+    def _take(self, command: Rates) -> float | None:
+        """Send a command if it may be; None if not."""
+        finite = all(map(math.isfinite, (*command.body_rate, command.thrust)))
+        if finite and self.phase in ("hover", "handed_over"):
+            self._watch_control()
+        if not finite or self.phase not in ("hover", "handed_over"):
+            self.refused += 1
+            return None
+        if self.phase == "hover":
+            self.hover_thrust = self._learned.value
+            self._enter("handed_over")
+        self._command_t = self._t
+        return self._send.rates(command, self.hover_thrust)
+
+    def _hand_back(self, phase: str) -> None:
+        if self.phase in _MANNED and self.phase != phase:
+            self._enter(phase)
+
+    # phases
+
+    def _step_takeoff(self, now_ns: int) -> None:
+        heard = self._heard
+        if heard.odometry is None:
+            return
+        height = heard.odometry.position[2] - self._ground_z
+        risen = heard.in_air and (height > _TAKEN_OFF_M or (heard.mode == px4.HOLD and height > 0.5))
+        if risen or self._config.external_vision:  # the latter climbs in OFFBOARD from the ground
+            self._approach.begin(heard.odometry.position, heard.odometry.velocity)
+            self._setpoint_t, self._odometry_count = self._t, 0
+            self._enter("goto")
+        elif not heard.armed:
+            self._fail("the vehicle disarmed before it took off")
+        elif self._elapsed(20.0):
+            self._fail(f"the vehicle is only {height:.1f} m up, 20 s after arming")
+        elif heard.mode != px4.TAKEOFF and height < 0.5 and self._ask("take-off was refused"):
+            self._send.take_off()
+
+    def _step_goto(self, now_ns: int) -> None:
+        heard, config = self._heard, self._config
+        self._stream_position(now_ns)
+        self._offboard = self._offboard or heard.mode == px4.OFFBOARD
+        self._watch_control()
+        if self.phase != "goto":
+            return
+        if not self._offboard:
+            if self._elapsed(_STREAM_FIRST_S) and self._ask("OFFBOARD was refused"):
+                self._send.mode(px4.OFFBOARD)
+        elif self._stood() and self._learned.known:
+            self._arrive()
+        elif self._elapsed(config.goto_limit) and heard.odometry is not None:
+            away = math.dist(heard.odometry.position, config.start[:3])
+            speed = math.hypot(*heard.odometry.velocity)
+            self._fail(f"no rest at the start after {config.goto_limit:g} s: {away:.2f} m away, {speed:.2f} m/s")
+
+    def _arrive(self) -> None:
+        complaint = self._learned.complaint()
+        if complaint:
+            self._fail(complaint)
+            return
+        rate = self._odometry_count / max(1e-3, (self._t - self._since) * 1e-9)
+        if rate < 0.8 * self._config.streams.get(331, 0.0):
+            self._note("warning", f"ODOMETRY comes at {rate:.0f} Hz only")
+        self._note("info", f"hover thrust {self._learned.value:.3f}, expected {self._config.hover_thrust:.3f}")
+        self._enter("hover")
+
+    def _step_hover(self, now_ns: int) -> None:
+        self._stream_position(now_ns)
+        self._watch_control()
+        self._stood()
+
+    def _step_handed_over(self, now_ns: int) -> None:
+        """No command, nothing sent."""
+        self._watch_control()
+
+    def _step_interrupted(self, now_ns: int) -> None:
+        """Silence, so that the autopilot's failsafe, or whoever has taken over, flies."""
+
+    def _step_hold(self, now_ns: int) -> None:
+        if self._heard.armed and self._heard.mode != px4.HOLD and self._ask("holding the position was refused"):
+            self._send.mode(px4.HOLD)
+
+    def _step_released(self, now_ns: int) -> None:
+        heard = self._heard
+        if not heard.armed:
+            if heard.mode != px4.HOLD and self._late():  # PX4 falls back to OFFBOARD, where it cannot be armed again
+                self._asked = self._t
+                self._send.mode(px4.HOLD)
+        elif heard.mode != px4.LAND or heard.failsafe:  # a failsafe's landing would end when a stream resumes
+            if self._ask("landing was refused"):
+                self._send.mode(px4.LAND)
+        elif heard.landed_state == px4.Landed.ON_GROUND and self._elapsed(5.0) and self._late():
+            self._asked = self._t
+            self._send.disarm(force=False)
+
+    def _step_failed(self, now_ns: int) -> None:
+        if self._ours and self._heard.armed and self._heard.mode != px4.LAND and self._late():
+            self._asked = self._t
+            self._send.mode(px4.LAND)
+
+    def _step_killed(self, now_ns: int) -> None:
+        if self.phase != "killed":
+            self._enter("killed")
+        elif self._new_ack(ARM) == px4.Result.ACCEPTED:
+            self._heard.arming_answered(False, now_ns)
+        if self._asked is None or (self._heard.armed and self._t - self._asked >= _KILL_NS):
+            self._asked, self._acks_seen = self._t, self._heard.acks.get(ARM, (0, 0))[1]
+            self._send.disarm(force=True)
+
+    # what they share
+
+    def _watch_control(self) -> None:
+        """Give control up for good if somebody else flies (a failsafe, a pilot) or commands have stopped."""
+        heard = self._heard
+        silent = self._t - self._command_t
+        if self._offboard and not heard.armed:
+            self._interrupt("the vehicle is disarmed")
+        elif self._offboard and heard.mode != px4.OFFBOARD:
+            self._interrupt(f"the autopilot is in {px4.mode_name(heard.mode)}")
+        elif self.phase == "handed_over" and silent > self._config.gap_limit * SECOND:
+            self._interrupt(f"no command for {silent / 1e9:.2f} s")
+
+    def _interrupt(self, why: str) -> None:
+        self._enter("interrupted")
+        self._note("error", f"control lost: {why}; it is not taken up again")
+
+    def _stream_position(self, now_ns: int) -> None:
+        if now_ns - self._setpoint_ns < SETPOINT_NS:
+            return
+        self._setpoint_ns = now_ns
+        point, velocity = self._approach.advance((self._t - self._setpoint_t) * 1e-9)
+        self._setpoint_t = self._t
+        self._send.position(point, velocity, self._config.start[3])
+
+    def _stood(self) -> bool:
+        """Judge the hover and learn from it."""
+        stands = self._approach.stands(self._t, self._heard.odometry)
+        if self._approach.standing and self._offboard:
+            self._learned.add(self._heard.thrusts)
+        self._heard.thrusts.clear()
+        return stands

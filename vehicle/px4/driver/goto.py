@@ -1,0 +1,97 @@
+"""The way from the take-off to the hover at the start: a smooth set-point, when the vehicle stands, what it weighs."""
+
+from __future__ import annotations
+
+import math
+
+from kernel.rotations import wrap_angle, yaw
+from vehicle.px4.driver.types import LinkConfig, Odometry, Vec3
+
+_HEADING = 0.1  # rad, of the hover
+_ENOUGH = 5  # thrust samples
+_FEED_FORWARD = 0.7  # share of the set-point's velocity: all of it overshoots, as PX4's velocity loop lags too
+
+
+class Approach:
+    """Moves a set-point to the start and judges whether the vehicle has come to rest there."""
+
+    def __init__(self, config: LinkConfig) -> None:
+        self._config = config
+        self._point: Vec3 | None = None
+        self._speed = 0.0
+        self._still_ns: int | None = None
+
+    def begin(self, position: Vec3, velocity: Vec3) -> None:
+        """The set-point starts where the vehicle is, as fast as it moves towards the start."""
+        goal = self._config.start[:3]
+        away = [b - a for a, b in zip(position, goal, strict=True)]
+        towards = sum(a * v for a, v in zip(away, velocity, strict=True)) / max(1e-6, math.hypot(*away))
+        self._point, self._speed, self._still_ns = position, max(0.0, towards), None
+
+    def advance(self, seconds: float) -> tuple[Vec3, Vec3]:
+        """Position and velocity set-point `seconds` later: straight to the start and to rest there.
+
+        Within goto_speed and goto_acceleration. The velocity feeds forward, so that the vehicle hardly lags behind.
+        """
+        config, goal = self._config, self._config.start[:3]
+        here = goal if self._point is None else self._point
+        distance = math.dist(here, goal)
+        most = config.goto_acceleration
+        self._speed = min(config.goto_speed, self._speed + most * seconds, math.sqrt(2.0 * most * distance))
+        step = self._speed * seconds
+        if distance < 0.002 or step >= distance:
+            self._point, self._speed = goal, 0.0
+            return goal, (0.0, 0.0, 0.0)
+        ux, uy, uz = ((b - a) / distance for a, b in zip(here, goal, strict=True))
+        self._point = (here[0] + step * ux, here[1] + step * uy, here[2] + step * uz)
+        ahead = _FEED_FORWARD * self._speed
+        return self._point, (ahead * ux, ahead * uy, ahead * uz)
+
+    def stands(self, now_ns: int, vehicle: Odometry | None) -> bool:
+        """True once the vehicle has stood at the start for `hover_time`."""
+        config = self._config
+        near = (
+            vehicle is not None
+            and math.dist(vehicle.position, config.start[:3]) < config.hover_position
+            and math.hypot(*vehicle.velocity) < config.hover_speed
+            and math.hypot(*vehicle.body_rate) < config.hover_turning
+            and abs(wrap_angle(yaw(vehicle.orientation) - config.start[3])) < _HEADING
+        )
+        if not near:
+            self._still_ns = None
+            return False
+        self._still_ns = now_ns if self._still_ns is None else self._still_ns
+        return now_ns - self._still_ns >= config.hover_time * 1e9
+
+    @property
+    def standing(self) -> bool:
+        """True while within the tolerances, since however short a time."""
+        return self._still_ns is not None
+
+
+class HoverThrust:
+    """The thrust that carries the vehicle, averaged over its hover from ATTITUDE_TARGET (stale in rate mode)."""
+
+    def __init__(self, expected: float, tolerance: float) -> None:
+        self._expected, self._tolerance = expected, tolerance
+        self.value, self.samples = 0.0, 0
+
+    def add(self, thrusts: list[float]) -> None:
+        """New samples, all taken while the vehicle stood still. Weighs the last fifty or so."""
+        for thrust in thrusts:
+            self.samples += 1
+            self.value += (thrust - self.value) / min(self.samples, 50)
+
+    @property
+    def known(self) -> bool:
+        """True once there are enough samples."""
+        return self.samples >= _ENOUGH
+
+    def complaint(self) -> str:
+        """Why this cannot be the airframe its data describe; empty if it can."""
+        if abs(self.value / self._expected - 1.0) <= self._tolerance:
+            return ""
+        return (
+            f"hover thrust is {self.value:.3f}, the airframe's data say {self._expected:.3f}: "
+            "wrong airframe file, wrong payload, or a weak battery"
+        )

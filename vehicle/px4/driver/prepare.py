@@ -1,0 +1,110 @@
+"""The PX4 driver's phases on the ground: connect, parameters, streams, ready, arm."""
+
+from __future__ import annotations
+
+from kernel.rotations import yaw
+from vehicle.px4 import protocol as px4
+from vehicle.px4.driver.core import SECOND, LinkCore
+from vehicle.px4.driver.send import ByteWire
+from vehicle.px4.driver.types import LinkConfig
+
+ARM = int(px4.Command.COMPONENT_ARM_DISARM)
+SETPOINT_NS = 50_000_000  # between position set-points
+_INTERVAL = int(px4.Command.SET_MESSAGE_INTERVAL)
+
+
+class GroundPhases(LinkCore):
+    """Each `_step_` does what its phase owes and enters the next one."""
+
+    def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
+        super().__init__(wire, config)
+        self._streams: list[tuple[int, float]] = []
+        self._reading = True
+        self._may_arm = config.arm
+        self._ground_z = 0.0
+        self._setpoint_ns = -SECOND
+        self._ours = False  # we armed it, so we may land it
+
+    def allow_arming(self) -> None:
+        """Needed once where the configuration says `arm = False`: the driver may arm and take off when ready."""
+        self._may_arm = True
+
+    def _step_connect(self, now_ns: int) -> None:
+        heard = self._heard
+        if heard.heartbeat_ns is None:
+            if self._elapsed(10.0):
+                self._since = self._t
+                others = ", ".join(f"{system}/{component}" for system, component in sorted(heard.strangers))
+                wanted = f"system {self._config.system}, component {px4.PX4_COMPONENT}"
+                refused = self.counters["unsigned_frames"]
+                unsigned = f"; {refused} frames without our signature were refused" if refused else ""
+                self._note("warning", f"no PX4 heard as {wanted} yet (heard: {others or 'nothing'}){unsigned}")
+        elif heard.armed:
+            self._fail("the vehicle is armed already: somebody else flies it. Land and disarm it first")
+        else:
+            self._reading = True
+            self._enter("parameters")
+
+    def _step_parameters(self, now_ns: int) -> None:
+        check = self._heard.parameters
+        if self._reading and not check.unread:
+            self._reading = False
+            self._enter("parameters")  # a new request, with tries of its own
+        if check.done:
+            self._notes += check.report()
+            self._streams = list(self._config.streams.items())
+            self._enter("streams")
+        elif self._ask(""):
+            for name, payload in check.requests():
+                self._send.payload(name, payload)
+        elif self._tries >= self._config.tries and self._late():
+            deaf = check.give_up_reading() if self._reading else ""
+            if deaf or not self._reading:
+                self._fail(deaf or f"{', '.join(check.unset)} was not taken over: PX4 refuses the value")
+
+    def _step_streams(self, now_ns: int) -> None:
+        if self._asked is not None and self._new_ack(_INTERVAL) is not None:
+            number, hz = self._streams.pop(0)
+            if hz and self._heard.acks[_INTERVAL][0] != px4.Result.ACCEPTED:
+                self._note("warning", f"the autopilot refuses {hz:g} Hz for message {number}")
+            self._tries, self._asked = 0, None
+        if not self._streams:
+            self._enter("ready")
+        elif self._ask(f"the interval of message {self._streams[0][0]} was not answered", _INTERVAL):
+            self._send.interval(*self._streams[0])
+
+    def _step_ready(self, now_ns: int) -> None:
+        heard, vision = self._heard, self._config.external_vision
+        mode = px4.OFFBOARD if vision else px4.HOLD
+        if vision and heard.odometry is not None:
+            self._stream_here(now_ns)
+        if heard.prearm and heard.odometry is not None and heard.mode == mode:
+            self._since = self._t  # it is ready; whoever may arm it can take his time
+            if self._may_arm:
+                self._enter("arm")
+        elif self._elapsed(self._config.prearm_limit):
+            what = "its pre-arm checks did not pass" if not heard.prearm else "no usable ODOMETRY came"
+            self._fail(f"the autopilot is not ready after {self._config.prearm_limit:g} s: {what}")
+        elif heard.mode != mode and self._late():
+            self._asked = self._t  # after a landing PX4 falls back to OFFBOARD, where its checks fail without a stream
+            self._send.mode(mode)
+
+    def _step_arm(self, now_ns: int) -> None:
+        heard = self._heard
+        if self._config.external_vision:
+            self._stream_here(now_ns)
+        if self._asked is not None and self._new_ack(ARM) == px4.Result.ACCEPTED:
+            heard.arming_answered(True, now_ns)
+        if heard.armed and heard.odometry is not None:
+            self._ours = True
+            self._ground_z = heard.odometry.position[2]
+            self._enter("takeoff")
+        elif self._ask(f"arming was refused ({self._verdict(ARM)})", ARM):
+            self._send.arm()
+
+    def _stream_here(self, now_ns: int) -> None:
+        """Position set-points where the vehicle stands: PX4 arms on external vision alone only in OFFBOARD."""
+        odometry = self._heard.odometry
+        if odometry is not None and now_ns - self._setpoint_ns >= SETPOINT_NS:
+            self._setpoint_ns = now_ns
+            self._send.position(odometry.position, (0.0, 0.0, 0.0), yaw(odometry.orientation))

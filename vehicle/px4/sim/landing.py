@@ -1,0 +1,83 @@
+"""PX4's land detector as far as its clients can see it: take-off by thrust, ground contact in steps, landed.
+
+Timing follows recorded flights: take-off about 0.2 s after the thrust passes a low threshold, landed 1.5 times
+LNDMC_TRIG_TIME after contact with the ground.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vehicle.px4.sim.control import LANDED, OUT_THRUST
+from vehicle.px4.sim.plant import ATTACHED, RESTING
+from vehicle.px4.sim.state import Flight
+from vehicle.quadrotor.dynamics import V, W
+
+TAKEOFF_THRUST = 0.11  # normalised; below it nothing flies
+TAKEOFF_S = 0.18
+STAGES = 1.5  # ground contact, maybe landed, landed, in units of LNDMC_TRIG_TIME
+
+
+class LandDetector:
+    """Keeps `flight.landed`, `took_off` and `contact`, and announces both changes."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        self._lifting_ns = -1
+
+    def update(self) -> None:
+        """Run at the commander's rate."""
+        flight = self._flight
+        thrust = float(flight.control[OUT_THRUST])
+        if not flight.armed:
+            self._lifting_ns = flight.contact_ns = -1
+            flight.contact = False
+            if not flight.landed and self._still():
+                self._land(announce=False)
+        elif flight.landed:
+            self._look_for_takeoff(thrust)
+        else:
+            self._look_for_landing(thrust)
+        flight.control[LANDED] = 1.0 if flight.landed else 0.0
+
+    def _look_for_takeoff(self, thrust: float) -> None:
+        flight = self._flight
+        if thrust <= TAKEOFF_THRUST:
+            self._lifting_ns = -1
+        elif self._lifting_ns < 0:
+            self._lifting_ns = flight.now_ns
+        elif flight.now_ns - self._lifting_ns >= TAKEOFF_S * 1e9:
+            flight.landed, flight.took_off = False, True
+            flight.contact_ns, flight.contact = -1, False
+            flight.text(6, "Takeoff detected\t", 0x01414569)
+
+    def _look_for_landing(self, thrust: float) -> None:
+        flight = self._flight
+        on_something = flight.situation[RESTING] > 0.0 or flight.situation[ATTACHED] > 0.0
+        low = flight.landing if on_something else False
+        if not (self._still() and (low or thrust < TAKEOFF_THRUST)):
+            flight.contact_ns, flight.contact = -1, False
+            return
+        if flight.contact_ns < 0:
+            flight.contact_ns = flight.now_ns
+        since = (flight.now_ns - flight.contact_ns) * 1e-9
+        trigger = float(flight.parameters["LNDMC_TRIG_TIME"])
+        flight.contact = low and since >= 0.35 * trigger
+        if since >= STAGES * trigger:
+            self._land(announce=True)
+
+    def _still(self) -> bool:
+        flight = self._flight
+        row, parameters = flight.row, flight.parameters
+        return (
+            abs(row[V + 2]) < parameters["LNDMC_Z_VEL_MAX"]
+            and math.hypot(row[V], row[V + 1]) < parameters["LNDMC_XY_VEL_MAX"]
+            and abs(row[W : W + 3]).max() < math.radians(parameters["LNDMC_ROT_MAX"]) * 2.0
+        )
+
+    def _land(self, announce: bool) -> None:
+        flight = self._flight
+        flight.landed, flight.landed_ns = True, flight.now_ns
+        self._lifting_ns = -1
+        if announce:
+            flight.text(6, "Landing detected\t", 0x019638AC)

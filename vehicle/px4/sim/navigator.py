@@ -1,0 +1,173 @@
+"""What PX4's AUTO modes do: hold, take-off ramp, land, return. Writes set-points into the control row."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kernel.rotations import yaw
+from vehicle.px4 import protocol as px4
+from vehicle.px4.sim.control import (
+    ACC_SP,
+    GAINS,
+    MAX_DOWN,
+    MAX_TILT,
+    MAX_UP,
+    MAX_XY,
+    MODE,
+    OFF,
+    PARAMETERS,
+    POS_SP,
+    POSITION,
+    RAMP,
+    SMOOTH,
+    VEL_SP,
+    YAW_RATE_SP,
+    YAW_SP,
+    reset_cascade,
+)
+from vehicle.px4.sim.plant import GROUND
+from vehicle.px4.sim.state import Flight
+from vehicle.quadrotor.airframe import GRAVITY
+
+CRAWL_HEIGHT = 0.75  # m above ground; MPC_LAND_CRWL is asked for from here (recorded)
+RAMP_DELAY_NS = 60_000_000  # before the take-off ramp moves (recorded)
+CLIMB_SHARE = 0.6  # of MPC_TKO_SPEED that a recorded take-off really reaches
+RTL_DESCENT_SHARE = 0.86  # of MPC_LAND_SPEED that the end of a recorded return descends at
+RTL_ANNOUNCE_S = 0.055
+RTL_RETURN_S = 2.4  # of settling before "land at destination" when home is near (recorded)
+_Z_P = GAINS + PARAMETERS.index("MPC_Z_VEL_P_ACC")
+
+
+class Navigator:
+    """Follows the active mode: `enter` when it changes, `update` at the commander's rate."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        self._target = np.zeros(3)
+        self._takeoff_ns = -1
+        self._keep_target = False  # Hold after take-off keeps the take-off altitude
+        self._phase = ""
+        self._announced = False
+
+    def enter(self, mode: int) -> None:
+        """The mode has just become active."""
+        flight, c = self._flight, self._flight.control
+        flight.landing = False
+        self._phase, self._announced = "", False
+        if px4.split_custom_mode(mode)[0] not in (px4.Main.AUTO, px4.Main.ALTCTL):
+            return
+        if c[MODE] != POSITION:
+            reset_cascade(c, flight.estimate)
+        x, y, z = flight.position
+        vx, vy, vz = flight.velocity
+        brake = 1.0 / float(flight.parameters["MPC_ACC_HOR"])
+        speed = math.hypot(vx, vy)
+        if not (mode == px4.HOLD and self._keep_target):
+            self._target[:] = (x + 0.5 * vx * speed * brake, y + 0.5 * vy * speed * brake, z + 0.2 * vz)
+        self._keep_target = False
+        c[MODE], c[SMOOTH] = POSITION, 1.0
+        c[POS_SP : YAW_RATE_SP + 1] = math.nan
+        c[YAW_SP] = yaw(tuple(flight.estimate[6:10]))
+        c[RAMP] = math.inf
+        self._takeoff_ns = -1
+        if mode == px4.TAKEOFF:
+            base = flight.home[2] if flight.home else z
+            self._target[:] = (x, y, max(z, base + float(flight.parameters["MIS_TAKEOFF_ALT"])))
+        if mode == px4.RTL:
+            self._phase = "return"
+
+    def update(self) -> int | None:
+        """Refresh the set-points; returns the mode to go to when the present one has done its work, else None."""
+        flight, c, p = self._flight, self._flight.control, self._flight.parameters
+        mode = flight.active
+        main = px4.split_custom_mode(mode)[0]
+        if main not in (px4.Main.AUTO, px4.Main.ALTCTL):
+            return None
+        c[MODE] = POSITION if flight.armed and not self._idle() else OFF
+        c[MAX_XY], c[MAX_TILT] = p["MPC_XY_CRUISE"], math.radians(p["MPC_TILTMAX_AIR"])
+        c[MAX_UP], c[MAX_DOWN] = p["MPC_Z_V_AUTO_UP"], p["MPC_Z_V_AUTO_DN"]
+        c[POS_SP : POS_SP + 3] = self._target
+        c[VEL_SP : ACC_SP + 3] = math.nan
+        if main == px4.Main.ALTCTL:
+            c[POS_SP : POS_SP + 2] = math.nan  # level and no position: drifts, keeps its height
+            return None
+        if mode == px4.TAKEOFF:
+            return self._take_off()
+        if mode == px4.LAND:
+            self._descend()
+        elif mode == px4.RTL:
+            self._return_home()
+        return None
+
+    def _idle(self) -> bool:
+        """On the ground with nothing to do, or cut after touching down."""
+        flight = self._flight
+        if flight.landed:
+            return flight.active != px4.TAKEOFF or not spooled_up(flight)
+        cut_s = 0.7 * float(flight.parameters["LNDMC_TRIG_TIME"])
+        return flight.contact and flight.now_ns - flight.contact_ns > cut_s * 1e9
+
+    def _take_off(self) -> int | None:
+        flight, c, p = self._flight, self._flight.control, self._flight.parameters
+        if flight.took_off and self._takeoff_ns < 0:
+            c[RAMP] = math.inf  # take-off asked for in the air
+        elif spooled_up(flight):
+            if self._takeoff_ns < 0:
+                self._takeoff_ns = flight.now_ns
+                reset_cascade(c, flight.estimate)
+            c[RAMP] = takeoff_ramp(flight, self._takeoff_ns)
+        if flight.took_off and flight.position[2] > self._target[2] - float(p["NAV_MC_ALT_RAD"]):
+            self._keep_target = True
+            return px4.HOLD
+        return None
+
+    def _descend(self, share_of_speed: float = 1.0) -> None:
+        flight, c, p = self._flight, self._flight.control, self._flight.parameters
+        flight.landing = True
+        height = float(flight.row[2]) - float(flight.situation[GROUND])  # the distance sensor's
+        low, high = float(p["MPC_LAND_ALT2"]), float(p["MPC_LAND_ALT1"])
+        slow, fast = share_of_speed * float(p["MPC_LAND_SPEED"]), float(p["MPC_Z_V_AUTO_DN"])
+        share = min(1.0, max(0.0, (height - low) / max(0.1, high - low)))
+        speed = slow + share * (fast - slow)
+        if height < CRAWL_HEIGHT:
+            speed = min(speed, float(p["MPC_LAND_CRWL"]))
+        c[POS_SP + 2] = math.nan
+        c[VEL_SP + 2] = -speed
+
+    def _return_home(self) -> None:
+        flight, p = self._flight, self._flight.parameters
+        home = flight.home or flight.position
+        x, y, z = flight.position
+        distance = math.hypot(home[0] - x, home[1] - y)
+        since = (flight.now_ns - flight.mode_since_ns) * 1e-9
+        if self._phase == "return":
+            if not self._announced and since >= RTL_ANNOUNCE_S:
+                self._announced = True
+                if distance > p["RTL_MIN_DIST"]:
+                    self._target[2] = max(z, home[2] + float(p["RTL_RETURN_ALT"]))
+                above = math.ceil(self._target[2] - home[2])
+                height = math.ceil(flight.altitude(float(self._target[2])))
+                flight.text(6, f"RTL: start return at {height} m ({above} m above destination)\t", 0x01522694)
+            if self._announced and z > self._target[2] - float(p["NAV_MC_ALT_RAD"]):
+                self._target[:2] = home[:2]
+                if distance < p["NAV_ACC_RAD"] and since >= RTL_RETURN_S:
+                    self._phase = "land"
+                    flight.text(6, "RTL: land at destination\t", 0x0102D3AA)
+        if self._phase == "land":
+            self._descend(RTL_DESCENT_SHARE)
+
+
+def spooled_up(flight: Flight) -> bool:
+    """True once the motors have idled for COM_SPOOLUP_TIME after arming."""
+    return flight.now_ns - flight.armed_ns >= flight.parameters["COM_SPOOLUP_TIME"] * 1e9
+
+
+def takeoff_ramp(flight: Flight, started_ns: int) -> float:
+    """Ceiling of the climb rate (m/s): from where its thrust is zero up in MPC_TKO_RAMP_T."""
+    p = flight.parameters
+    started_ns += RAMP_DELAY_NS
+    start, end = -GRAVITY / float(flight.control[_Z_P]), CLIMB_SHARE * float(p["MPC_TKO_SPEED"])
+    share = (flight.now_ns - started_ns) * 1e-9 / max(0.1, float(p["MPC_TKO_RAMP_T"]))
+    return start + max(0.0, min(1.0, share)) * (end - start)

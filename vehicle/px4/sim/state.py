@@ -1,0 +1,108 @@
+"""What the parts of the software PX4 share: the flight's state, its kernel rows, an outbox for texts and answers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from vehicle.px4 import protocol as px4
+from vehicle.px4.sim.control import EST_P, EST_V, NC, NE
+from vehicle.px4.sim.params import Parameters
+
+EARTH_RADIUS = 6371000.0  # m, as PX4's local projection uses
+ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_ALTITUDE = 47.397742225, 8.545594135, 489.4  # SIH_LOC_*
+
+
+class Command(NamedTuple):
+    """A MAVLink command waiting for the commander, with whom to answer."""
+
+    port: str
+    system: int
+    component: int
+    number: int
+    params: tuple[float, ...]
+
+
+@dataclass
+class Setpoint:
+    """The OFFBOARD stream: when it was last heard and since when it runs without a loss (PX4 ns; -1: never)."""
+
+    kind: str = ""  # rates, attitude, position
+    last_ns: int = -1
+    running_since_ns: int = -1
+
+
+@dataclass
+class Flight:
+    """State of one software PX4. Times are nanoseconds since its boot; positions ENU, m."""
+
+    parameters: Parameters
+    row: np.ndarray
+    params: np.ndarray
+    control: np.ndarray = field(default_factory=lambda: np.full(NC, np.nan))
+    estimate: np.ndarray = field(default_factory=lambda: np.zeros(NE))
+    situation: np.ndarray = field(default_factory=lambda: np.zeros(8))
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    now_ns: int = 0
+
+    ready: bool = False  # pre-arm checks passed
+    armed: bool = False
+    armed_ns: int = -1
+    landed: bool = True
+    took_off: bool = False  # since arming
+    landed_ns: int = 0
+    contact: bool = False  # on the ground and asked to descend: thrust is cut in two stages
+    contact_ns: int = -1
+    terminated: bool = False
+    intended: int = px4.HOLD  # what the user asked for
+    active: int = px4.HOLD  # what runs
+    after_disarm: int = px4.HOLD
+    mode_since_ns: int = 0
+    failsafe: bool = False
+    landing: bool = False  # descending to land, in LAND or at the end of RTL
+    setpoint: Setpoint = field(default_factory=Setpoint)
+    position_valid: bool = False
+    global_valid: bool = False
+    home: tuple[float, float, float] | None = None  # ENU
+    home_ns: int = 0
+    discharge: float = 0.0  # 0 full .. 1 at SIM_BAT_MIN_PCT
+    text: Callable[..., None] = lambda *_, **__: None
+    acknowledge: Callable[[Command, int], None] = lambda *_: None
+    emit: Callable[..., None] = lambda *_: None
+
+    @property
+    def now_s(self) -> float:
+        """Seconds since boot."""
+        return self.now_ns * 1e-9
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """Estimated position, ENU."""
+        e = self.estimate
+        return float(e[EST_P]), float(e[EST_P + 1]), float(e[EST_P + 2])
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """Estimated velocity, ENU."""
+        e = self.estimate
+        return float(e[EST_V]), float(e[EST_V + 1]), float(e[EST_V + 2])
+
+    def stream_fresh(self) -> bool:
+        """True if an OFFBOARD set-point younger than COM_OF_LOSS_T has been heard."""
+        age = self.now_ns - self.setpoint.last_ns
+        return self.setpoint.last_ns >= 0 and age <= self.parameters["COM_OF_LOSS_T"] * 1e9
+
+    def altitude(self, z: float) -> float:
+        """Altitude above mean sea level (m) of a height in the world."""
+        return ORIGIN_ALTITUDE + z - self.origin[2]
+
+    def geodetic(self, x: float, y: float) -> tuple[int, int]:
+        """Latitude and longitude in 1e-7 deg of a world position."""
+        latitude = ORIGIN_LATITUDE + math.degrees((y - self.origin[1]) / EARTH_RADIUS)
+        scale = EARTH_RADIUS * math.cos(math.radians(ORIGIN_LATITUDE))
+        longitude = ORIGIN_LONGITUDE + math.degrees((x - self.origin[0]) / scale)
+        return round(latitude * 1e7), round(longitude * 1e7)
