@@ -24,7 +24,8 @@ import numpy as np
 from policies.environment.config import EnvConfig
 from policies.environment.flight import EnvFlight
 from policies.estimation.board_filter import BoardFilter
-from policies.flying.onnx_policy import FlyingPolicy, policy_factory
+from policies.flying.registry import policy_factory
+from policies.task.interface import FlyingPolicy
 from vehicle.quadrotor.airframe import load_airframe
 
 CHECKPOINTS = Path(__file__).parents[1] / "policies" / "checkpoints"

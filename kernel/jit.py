@@ -69,22 +69,26 @@ def _reached(module: ModuleType, seen: dict[str, ModuleType]) -> dict[str, Modul
 
 
 class CacheLocator(caching._CacheLocator):
-    """Numba cache locator: files under CACHE_DIR, stamped with a hash of every kernel file the module reaches."""
+    """Numba cache locator: a folder under CACHE_DIR named by the content of every kernel file the module reaches.
 
-    def __init__(self, py_func: Any, py_file: str) -> None:
-        self._module = sys.modules[py_func.__module__]
+    Two checkouts with the same code share it; code that differs in one byte has another.
+    """
+
+    def __init__(self, py_func: Any) -> None:
+        module = sys.modules[py_func.__module__]
+        digest = hashlib.sha256(numba.__version__.encode())
+        for name, reached in sorted(_reached(module, {}).items()):
+            if reached.__file__:
+                digest.update(f"\n{name}\n".encode() + Path(reached.__file__).read_bytes())
+        self._stamp = digest.hexdigest()
         self._name = py_func.__qualname__
-        self._dir = CACHE_DIR / hashlib.sha256(str(Path(py_file).resolve()).encode()).hexdigest()[:12]
+        self._dir = CACHE_DIR / f"{module.__name__}-{self._stamp[:16]}"
 
     def get_cache_path(self) -> str:  # type: ignore[override]
         return str(self._dir)
 
     def get_source_stamp(self) -> str:  # type: ignore[override]
-        digest = hashlib.sha256(numba.__version__.encode())
-        for _, module in sorted(_reached(self._module, {}).items()):
-            if module.__file__:
-                digest.update(Path(module.__file__).read_bytes())
-        return digest.hexdigest()
+        return self._stamp
 
     def get_disambiguator(self) -> str:  # type: ignore[override]
         return self._name
@@ -93,7 +97,7 @@ class CacheLocator(caching._CacheLocator):
     def from_function(cls, py_func: Any, py_file: str) -> CacheLocator | None:
         if not hasattr(py_func, _OURS) or py_func.__module__ not in sys.modules:
             return None
-        locator = cls(py_func, py_file)
+        locator = cls(py_func)
         try:
             locator.ensure_cache_path()
         except OSError:

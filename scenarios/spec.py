@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
 from kernel.toml_errors import ConfigError, load_toml, nearest, read_toml
+from scenarios.paper import RealRow, SimulatedRow, published, row_keys
 
 FOLDER = Path(__file__).parent
 
@@ -306,8 +307,6 @@ def load(name_or_path: str | Path) -> Scenario:
 
 
 def _checked(path: Path) -> Scenario:
-    from scenarios.paper import row_keys
-
     scenario = load_toml(path, Scenario)
     if scenario.published is not None and scenario.published not in row_keys():
         keys = row_keys()
@@ -316,3 +315,8 @@ def _checked(path: Path) -> Scenario:
             f"Allowed: {', '.join(keys)}, or leave the key out"
         )
     return scenario
+
+
+def published_row(scenario: Scenario) -> RealRow | SimulatedRow | None:
+    """The published row that the scenario compares with, or None."""
+    return published(scenario.published) if scenario.published else None

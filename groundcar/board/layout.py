@@ -1,4 +1,4 @@
-"""The board that the vehicle perches on: its tags as data, its picture as a module grid, and a printable file of it.
+"""The board that the vehicle perches on: its size and its tags, as data.
 
 Board frame: origin at the centre of the face, x up-slope, y left, z the outward normal. One large tag is read from far
 away; small ones, ten times smaller, are read from hand's breadth. Five stand on cell corners of the large one, where
@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-
-from vehicle.apriltag.library import tag_bitmap
 
 TAG_MODULES = 8  # width of a 36h11 tag between its outer corners; its white ring adds one module on each side
 
@@ -80,28 +78,16 @@ class Board:
         """Modules along an edge of the board. Raises ValueError if an edge of a tag lies off the grid."""
         count = self.size / self.module
         edges = (
-            [count] + [e for tag in self.tags for e in self._grid_box(tag)] + [t.width / self.module for t in self.tags]
+            [count] + [e for tag in self.tags for e in self.grid_box(tag)] + [t.width / self.module for t in self.tags]
         )
         if any(abs(e - round(e)) > 1e-6 for e in edges):
             raise ValueError(f"board and tags must lie on a grid of one small module ({self.module} m)")
         return round(count)
 
-    def _grid_box(self, tag: BoardTag) -> tuple[float, float]:
+    def grid_box(self, tag: BoardTag) -> tuple[float, float]:
         """Grid row and column of the top left corner of the tag's white ring (row 0 is up-slope, column 0 left)."""
         ring = tag.width * (TAG_MODULES + 2) / TAG_MODULES / 2
         return (self.size / 2 - tag.x - ring) / self.module, (self.size / 2 - tag.y - ring) / self.module
-
-    @cached_property
-    def bitmap(self) -> np.ndarray:
-        """The face as (modules, modules) uint8, 0 black or 255 white; rows run down-slope, columns left to right."""
-        grid = np.full((self.modules, self.modules), 255, np.uint8)
-        for tag in self.tags:
-            scale = round(tag.width / self.module / TAG_MODULES)
-            picture = np.kron(tag_bitmap(tag.id), np.ones((scale, scale), np.uint8))
-            row, column = (round(e) for e in self._grid_box(tag))
-            grid[row : row + len(picture), column : column + len(picture)] = picture
-        grid.setflags(write=False)
-        return grid
 
     @cached_property
     def corners_by_id(self) -> dict[int, np.ndarray]:
@@ -118,25 +104,6 @@ class Board:
         """(tags,) bool: those of the greatest width."""
         widths = np.array([tag.width for tag in self.tags])
         return widths == widths.max()
-
-    def rectangles(self) -> list[tuple[int, int, int, int]]:
-        """Black area of the face as (row, column, rows, columns) in modules, none overlapping: for vector output."""
-        open_runs: dict[tuple[int, int], int] = {}
-        done: list[tuple[int, int, int, int]] = []
-        for row in range(self.modules + 1):
-            runs = _black_runs(self.bitmap[row]) if row < self.modules else set()
-            for run in [r for r in open_runs if r not in runs]:
-                start = open_runs.pop(run)
-                done.append((start, run[0], row - start, run[1]))
-            for run in runs:
-                open_runs.setdefault(run, row)
-        return sorted(done)
-
-
-def _black_runs(row: np.ndarray) -> set[tuple[int, int]]:
-    """(first column, length) of each run of black in a row."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], (row == 0).astype(np.int8), [0]))))
-    return {(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)}
 
 
 def rotation_from_car(heading: float, inclination: float) -> np.ndarray:

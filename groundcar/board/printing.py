@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from groundcar.board.face import bitmap, rectangles
 from groundcar.board.layout import Board
 
 _MARGIN = 0.015  # m around the face for the caption; outside the cut line
@@ -33,7 +34,7 @@ def _boxes(board: Board, unit: float) -> list[tuple[float, float, float, float]]
     """Black rectangles (x, y, width, height) from the top left of the page, in 1/unit metres."""
     m = board.module
     return [((c * m + _MARGIN) / unit, (r * m + _MARGIN) / unit, w * m / unit, h * m / unit)
-            for r, c, h, w in board.rectangles()]  # fmt: skip
+            for r, c, h, w in rectangles(board)]  # fmt: skip
 
 
 def _svg(board: Board, dpi: int) -> bytes:
@@ -82,7 +83,7 @@ def _pdf(board: Board, dpi: int) -> bytes:
 
 def _png(board: Board, dpi: int) -> bytes:
     scale = max(1, round(board.module * dpi / 0.0254))
-    face = np.kron(board.bitmap, np.ones((scale, scale), np.uint8))
+    face = np.kron(bitmap(board), np.ones((scale, scale), np.uint8))
     data = cv2.imencode(".png", face)[1].tobytes()
     # A PNG without pHYs prints at whatever size the viewer likes: say how many pixels a metre holds
     physical = b"pHYs" + struct.pack(">IIB", round(scale / board.module), round(scale / board.module), 1)

@@ -30,8 +30,8 @@ from hil.nodes.vehicle import VehicleDevice, VehicleLink
 from hil.safety.gate import CarGate, Gate
 from kernel.random import stream
 from policies.estimation.board_filter import BoardFilter
-from policies.flying.onnx_policy import FlyingPolicy
 from policies.task.contact import ContactRules
+from policies.task.interface import FlyingPolicy
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario
 from vehicle.apriltag.detector import BoardDetector

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil.assembly.rig import Rig, load_rig
-from policies.flying.onnx_policy import FlyingPolicy, policy_factory
+from policies.flying.registry import policy_factory
+from policies.task.interface import FlyingPolicy
 from scenarios.spec import Scenario, load
 from vehicle.quadrotor.airframe import load_airframe
 

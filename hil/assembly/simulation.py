@@ -15,7 +15,7 @@ from hil.nodes.detector import Detector
 from hil.nodes.director import Director
 from hil.nodes.mocap_device import MocapDevice
 from hil.nodes.vehicle import VehicleLink
-from policies.flying.onnx_policy import FlyingPolicy
+from policies.task.interface import FlyingPolicy
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario
 from vehicle.camera.pinhole import Camera

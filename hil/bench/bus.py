@@ -7,9 +7,9 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil.bench.reading import Unavailable
 from hil.bus.clock import Clock
 from hil.bus.leaf import Bus, BusError, Mailbox, credentials_in, open_hub
-from hil.check.registry import Unavailable
 from hil.contract.messages import VehicleState
 
 _TOPIC = "mocap/vehicle"

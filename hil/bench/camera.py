@@ -10,7 +10,7 @@ import numpy as np
 from groundcar.board.layout import Board, rotation_from_car
 from hil.assembly.rig import Rig
 from hil.assembly.sensing import mounted_cameras
-from hil.check.registry import NotApplicable, Unavailable
+from hil.bench.reading import NotApplicable, Unavailable
 from kernel.rotations import body_z, from_euler, from_matrix, rotate
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario

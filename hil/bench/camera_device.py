@@ -12,7 +12,7 @@ from hil.assembly.cameras import open_camera
 from hil.assembly.rig import Rig
 from hil.assembly.sensing import mounted_cameras
 from hil.bench.camera import PICTURES, Quat, Seen, measure
-from hil.check.registry import Unavailable
+from hil.bench.reading import Unavailable
 from hil.recording.reader import Recording
 from hil.recording.recorder import PREFIX
 from hil.wires import WireError

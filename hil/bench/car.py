@@ -9,7 +9,7 @@ from groundcar.scout.driver import Command, Feedback, ScoutLink, WrongProtocolEr
 from groundcar.scout.sim import ScoutSim
 from hil.assembly.rig import Rig
 from hil.bench.pace import Pace, Virtual, Wall
-from hil.check.registry import Unavailable
+from hil.bench.reading import Unavailable
 from hil.contract.wire import memory_pair
 from scenarios.draw import Drawn
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from hil.assembly.rig import MocapSlot, Rig
-from hil.check.registry import Unavailable
+from hil.bench.reading import Unavailable
 from hil.host.lockstep import Clock, Lockstep
 from hil.nodes.mocap import MocapNode
 from hil.nodes.vehicle import VehicleDevice

@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.assembly.rig import Rig
 from hil.bench.pace import Pace, Virtual, Wall
-from hil.check.registry import Unavailable
+from hil.bench.reading import Unavailable
 from hil.contract.wire import ByteWire, memory_pair
 from hil.host.lockstep import Clock
 from scenarios.draw import Drawn

@@ -9,8 +9,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from hil.assembly.rig import Rig
+from hil.check.catalogue import checks
 from hil.check.judge import Limits
-from hil.check.registry import Check, argument_fault, checks
+from hil.check.registry import Check, argument_fault
 from kernel.toml_errors import ConfigError, nearest, place, read_toml, validate
 
 FOLDER = Path(__file__).parent / "lists"

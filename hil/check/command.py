@@ -19,16 +19,16 @@ from rich.table import Table
 from hil.assembly.rig import load_rig
 from hil.bench.devices import Context, subject
 from hil.check import records
+from hil.check.catalogue import checks
 from hil.check.checklist import Checklist, load_checklist
 from hil.check.junit import write_junit
 from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, USAGE, Record, RecordError, iso, passed
-from hil.check.registry import checks
 from hil.check.screen import Screen
 from hil.check.session import Session, list_subject, new_record
 from hil.check.terminal import Keyboard
 from hil.recording.provenance import ProvenanceError
 from kernel.toml_errors import ConfigError
-from policies.flying.onnx_policy import policy_factory
+from policies.flying.registry import policy_factory
 from policies.flying.shipped import policy_file
 from scenarios.spec import load
 from vehicle.quadrotor.airframe import load_airframe

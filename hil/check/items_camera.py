@@ -6,8 +6,9 @@ from statistics import fmean, median
 
 from hil.bench.camera import Seen
 from hil.bench.devices import Context
+from hil.bench.reading import Unavailable
 from hil.check.judge import Reading
-from hil.check.registry import Unavailable, check
+from hil.check.registry import check
 
 
 @check("camera.mode")

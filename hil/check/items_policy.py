@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from hil.bench.devices import Context
+from hil.bench.reading import NotApplicable
 from hil.check.judge import Reading
-from hil.check.registry import NotApplicable, check
+from hil.check.registry import check
 from hil.recording.provenance import ProvenanceError, file_sha256
 from policies.flying.contract import CameraContract, ContractError, check_contract, open_policy
 from policies.flying.shipped import policy_file

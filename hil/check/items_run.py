@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from hil.bench.devices import Context
+from hil.bench.reading import Unavailable
 from hil.check.judge import Reading
-from hil.check.registry import Unavailable, check
+from hil.check.registry import check
 from hil.recording.reader import ReadError, Recording
 from hil.recording.runs import Run, RunError, list_runs, open_run
 

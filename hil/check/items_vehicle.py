@@ -6,8 +6,9 @@ import math
 from contextlib import suppress
 
 from hil.bench.devices import Context
+from hil.bench.reading import NotApplicable, Unavailable
 from hil.check.judge import Reading
-from hil.check.registry import NotApplicable, Unavailable, check
+from hil.check.registry import check
 from hil.contract.messages import Action, VehicleState
 from hil.recording.autopilot_parameters import changes, last_flight
 from hil.safety.gate import Gate

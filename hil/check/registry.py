@@ -1,4 +1,4 @@
-"""The automatic checks by name: what a checklist may ask for, with which arguments, in which unit."""
+"""How an automatic check is registered: by name, with its arguments and its unit."""
 
 from __future__ import annotations
 
@@ -8,14 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hil.check.judge import Reading
-
-
-class Unavailable(Exception):
-    """There is no data: the item is UNKNOWN, with this text as its reason."""
-
-
-class NotApplicable(Exception):
-    """The item says nothing about this rig: SKIPPED, with this text as its reason."""
+from kernel.toml_errors import nearest
 
 
 @dataclass(frozen=True)
@@ -30,7 +23,7 @@ class Check:
     needed: tuple[str, ...]
 
 
-_CHECKS: dict[str, Check] = {}
+REGISTERED: dict[str, Check] = {}
 
 
 def check(name: str, unit: str = "") -> Callable[[Callable[..., Reading]], Callable[..., Reading]]:
@@ -40,29 +33,20 @@ def check(name: str, unit: str = "") -> Callable[[Callable[..., Reading]], Calla
     """
 
     def register(function: Callable[..., Reading]) -> Callable[..., Reading]:
-        if name in _CHECKS:
+        if name in REGISTERED:
             raise ValueError(f"check {name!r} is registered twice")
         parameters = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
         arguments = {p.name: p.annotation for p in parameters}
         needed = tuple(p.name for p in parameters if p.default is inspect.Parameter.empty)
         about = (inspect.getdoc(function) or "").split("\n", 1)[0]
-        _CHECKS[name] = Check(name, unit, about, function, arguments, needed)
+        REGISTERED[name] = Check(name, unit, about, function, arguments, needed)
         return function
 
     return register
 
 
-def checks() -> dict[str, Check]:
-    """All registered checks, by name."""
-    from hil.check import items_camera, items_car, items_host, items_policy, items_run, items_vehicle  # noqa: F401
-
-    return dict(sorted(_CHECKS.items()))
-
-
 def argument_fault(check: Check, given: dict[str, Any]) -> str:
     """What is wrong with a checklist's `args` for a check; empty if nothing is."""
-    from kernel.toml_errors import nearest
-
     allowed = ", ".join(check.arguments) or "none"
     for name, value in given.items():
         if name not in check.arguments:

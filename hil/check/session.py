@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from hil.bench.devices import Context
+from hil.bench.reading import NotApplicable, Unavailable
 from hil.check import records
+from hil.check.catalogue import checks
 from hil.check.checklist import Checklist, Item
 from hil.check.judge import Judgement, Outcome, Reading, Value, judge
 from hil.check.records import Entry, Record, iso, passed
-from hil.check.registry import NotApplicable, Unavailable, checks
 
 
 class Answer(NamedTuple):

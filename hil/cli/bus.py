@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.console import Console
 
+from hil.cli.options import COULD_NOT_RUN, fail
+
 if TYPE_CHECKING:
     from hil.bus.leaf import Credentials
 
-USAGE, COULD_NOT_RUN = 2, 3
 _ENDPOINT = "tcp/127.0.0.1:7447"
 _Keys = Annotated[Path | None, typer.Option(help="folder of `perch-hil keys`: the bus is closed, on tls/")]
 
@@ -21,11 +22,6 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     for command in (keys, hub, node, status):
         app.command(command.__name__)(command)
-
-
-def _fail(text: str, code: int = USAGE) -> typer.Exit:
-    print(f"perch-hil: {text}", file=sys.stderr)
-    return typer.Exit(code)
 
 
 def _default_endpoint(keys: Path | None) -> str:
@@ -55,7 +51,7 @@ def keys(
     try:
         files = make_keys(folder, ["hub", *OBSERVERS, *GROUPS], host or ())
     except KeysError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     print(f"{len(files)} files in {folder}, valid for {DAYS} days: perch-hil run SCENARIO --live --keys {folder}")
     print(f"keep {folder / 'ca.key'} in a safe place: whoever has it can join as anybody")
 
@@ -83,9 +79,9 @@ def hub(
         print(f"hub on {endpoint}, end it with Ctrl-C", file=sys.stderr)
         serve_hub(endpoint, _credentials(keys, "hub"), access, with_parent=False)
     except ValueError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     except BusError as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
+        raise fail(str(error), COULD_NOT_RUN) from None
 
 
 def node(
@@ -128,9 +124,9 @@ def node(
             receipts.mkdir(parents=True, exist_ok=True)
         code = serve(spec, service, spec.services(plan.rig)[service], remote=True, wait_s=wait)
     except ValueError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     except (BusError, WireError, OSError, RecordingError) as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
+        raise fail(str(error), COULD_NOT_RUN) from None
     raise typer.Exit(code)
 
 
@@ -153,9 +149,9 @@ def status(
         check_identities(keys, ["status"])
         seen = listen(endpoint, seconds, _credentials(keys, "status"))
     except ValueError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     except BusError as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
+        raise fail(str(error), COULD_NOT_RUN) from None
     for table in status_tables(seen):
         Console().print(table)
     raise typer.Exit(0 if seen.fresh else 1)

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, USAGE, fail, parse_seeds
+
 if TYPE_CHECKING:
     from hil.campaign.lines import Line
-
-USAGE, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
 
 
 def campaign(
@@ -43,7 +42,6 @@ def campaign(
     """
     from hil.assembly.rig import load_rig
     from hil.campaign.grid import CampaignError, Grid, check, left_to_do
-    from hil.cli.main import parse_seeds
     from hil.recording.provenance import ProvenanceError, code
     from hil.recording.runs import RunError
     from kernel.toml_errors import ConfigError
@@ -56,7 +54,7 @@ def campaign(
         grid = Grid(flown, policies, parse_seeds(None, seeds), rig, camera, pictures, out)
         wanted = check(grid)
     except (ConfigError, ContractError, ValueError) as error:
-        raise _fail(str(error), USAGE) from None
+        raise fail(str(error), USAGE) from None
     interrupted, failures = False, 0
     try:
         todo = left_to_do(grid, wanted)
@@ -64,12 +62,12 @@ def campaign(
     except KeyboardInterrupt:
         interrupted = True
     except (CampaignError, ProvenanceError, RunError, OSError) as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
+        raise fail(str(error), COULD_NOT_RUN) from None
     _conclude(out, Path(grid.policies[0]).name, as_json)
     if interrupted:
-        raise _fail("interrupted; the same command goes on from here", INTERRUPTED)
+        raise fail("interrupted; the same command goes on from here", INTERRUPTED)
     if failures:
-        raise _fail(f"{failures} of {len(wanted)} could not be flown: see above", COULD_NOT_RUN)
+        raise fail(f"{failures} of {len(wanted)} could not be flown: see above", COULD_NOT_RUN)
 
 
 def _fly(grid: Any, todo: list[Any], total: int, processes: int, code: Any) -> int:
@@ -173,8 +171,3 @@ def _table(groups: list[dict[str, Any]]) -> Any:
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
     app.command()(campaign)
-
-
-def _fail(text: str, code: int) -> typer.Exit:
-    print(f"perch-hil: {text}", file=sys.stderr)
-    return typer.Exit(code)

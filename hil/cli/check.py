@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-USAGE, COULD_NOT_RUN = 2, 3
+from hil.cli.options import COULD_NOT_RUN, fail
 
 
 def register(app: typer.Typer) -> None:
@@ -52,9 +51,9 @@ def check(
         print_names()
         raise typer.Exit(0)
     if what is None and own is None:
-        raise _fail("which checklist? perch-hil check preflight, perch-hil check postflight, or a path to a .toml")
+        raise fail("which checklist? perch-hil check preflight, perch-hil check postflight, or a path to a .toml")
     if sign and not operator:
-        raise _fail("--sign needs --operator NAME: a signature is somebody's")
+        raise fail("--sign needs --operator NAME: a signature is somebody's")
     wish = Wish(
         list_name=str(own) if own is not None else str(what),
         rig=rig,
@@ -97,14 +96,14 @@ def runs(
     try:
         found = runs_table.select(runs_table.rows(folder), scenario=scenario, rig=rig, policy=policy, verdict=verdict)
     except ValueError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     try:
         if csv is not None:
             runs_table.write_csv(csv, found)
         if parquet is not None:
             runs_table.write_parquet(parquet, found)
     except runs_table.TableError as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
+        raise fail(str(error), COULD_NOT_RUN) from None
     if found:
         Console().print(runs_table.table(found))
     print(f"{len(found)} run{'' if len(found) == 1 else 's'} in {folder}")
@@ -123,15 +122,10 @@ def recover(run: Annotated[Path, typer.Argument(help="a run folder whose recordi
     try:
         done = repair(run, datetime.now(UTC))
     except RecoverError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     if done.original is None:
         print(f"{done.run}: the recording is whole ({done.messages} messages): nothing to do")
         return
     for fault in done.faults:
         print(f"was: {fault}")
     print(f"{done.run}: {done.messages} messages over {done.seconds:.2f} s recovered; original: {done.original.name}")
-
-
-def _fail(text: str, code: int = USAGE) -> Any:
-    print(f"perch-hil: {text}", file=sys.stderr)
-    return typer.Exit(code)

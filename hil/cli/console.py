@@ -13,8 +13,8 @@ from rich.text import Text
 
 from hil.scoring.binomial import interval
 from hil.scoring.score import Score
-from scenarios.paper import RealRow, SimulatedRow, paper, published
-from scenarios.spec import Scenario
+from scenarios.paper import RealRow, SimulatedRow, paper
+from scenarios.spec import Scenario, published_row
 
 Row = RealRow | SimulatedRow | None
 
@@ -35,11 +35,6 @@ _ROWS = (
     ("blind before the end", "s", "blind_time", 2),
     ("detection latency, median", "s", "detection_latency", 3),
 )
-
-
-def published_row(scenario: Scenario) -> Row:
-    """The row the scenario compares with, or None."""
-    return published(scenario.published) if scenario.published else None
 
 
 def json_row(

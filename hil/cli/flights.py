@@ -17,8 +17,9 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from hil.assembly.plan import Plan
 from hil.check.interlock import Clearance, NotClearedError, clear_to_arm
-from hil.cli.console import json_row, published_row, run_table, seeds_table
-from hil.cli.live import live_lines
+from hil.cli.console import json_row, run_table, seeds_table
+from hil.cli.live_times import live_lines
+from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, NOT_PERCHED, PERCHED, USAGE
 from hil.host.flight import Flight, fly
 from hil.live.supervisor import SupervisorError
 from hil.recording import provenance
@@ -31,13 +32,12 @@ from kernel.jit import cache_is_cold
 from kernel.toml_errors import ConfigError
 from policies.flying.contract import ContractError
 from scenarios.draw import MAX_SEED
+from scenarios.spec import published_row
 from vehicle.quadrotor.airframe import load_airframe
 
 if TYPE_CHECKING:
     from hil.viewer.live import RunViewer
     from hil.viewer.tap import Feed
-
-PERCHED, NOT_PERCHED, USAGE, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 @dataclass(frozen=True)

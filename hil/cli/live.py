@@ -1,50 +1,15 @@
-"""Commands around live runs: `rig`, `replay`, and how a run tells its times. Those of the bus: hil/cli/bus.py."""
+"""Commands around live runs: `rig`, `replay`. Those of the bus: hil/cli/bus.py."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from hil.cli import bus as cli_bus
-
-USAGE, COULD_NOT_RUN = 2, 3
-
-
-def live_lines(table: dict[str, Any]) -> list[str]:
-    """How a live run kept time, as lines of text."""
-    from hil.live.latency import bars
-    from hil.live.load import load_line
-    from hil.live.run_clock import clock_lines
-
-    lines, latency = [], table["exposure_to_action"]
-    if latency["count"]:
-        part = table["of_it_exposure_and_transport_ms"]
-        of_it = f", of it {part:g} ms exposure and transport of the simulated camera" if part else ""
-        lines.append(
-            f"exposure to action: p50 {latency['p50_ms']} ms, p90 {latency['p90_ms']}, p99 {latency['p99_ms']}, "
-            f"max {latency['max_ms']} ({latency['count']} pictures{of_it})"
-        )
-        lines += bars(latency)
-        seen, acted = latency["to_detection"], latency["then_to_action"]
-        if seen["count"]:
-            lines.append(
-                f"of it to the detection: p50 {seen['p50_ms']} ms, p99 {seen['p99_ms']}; from there to the action: "
-                f"p50 {acted['p50_ms']} ms, p99 {acted['p99_ms']}"
-            )
-    lines.append(load_line(table))
-    for service, one in table["services"].items():
-        for node, pace in one.get("nodes", {}).items():
-            lost = sum(one.get("dropped", {}).values()) + sum(one.get("lost", {}).values())
-            lines.append(
-                f"{node:15s} {pace['steps']:6d} steps  {pace['late']:5d} late  {pace['missed']:5d} missed  worst "
-                f"{pace['worst_ns'] / 1e6:7.1f} ms  {lost:4d} messages lost or dropped by {service}"
-            )
-        lines += clock_lines(service, one.get("clock", {}))
-    return lines + table["remarks"]
+from hil.cli.options import COULD_NOT_RUN, fail
 
 
 def register(app: typer.Typer) -> None:
@@ -56,11 +21,6 @@ def register(app: typer.Typer) -> None:
     rigs.command("check")(rig_check)
     rigs.command("list")(rig_list)
     app.add_typer(rigs, name="rig")
-
-
-def _fail(text: str, code: int = USAGE) -> typer.Exit:
-    print(f"perch-hil: {text}", file=sys.stderr)
-    return typer.Exit(code)
 
 
 def replay(
@@ -81,7 +41,7 @@ def replay(
     try:
         found = replay_run(run, nodes or (), tolerance=tolerance, ignore=ignore or (), policy=policy)
     except (ReplayError, RunError, ReadError, ValueError) as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     print("\n".join(found.lines()))
     raise typer.Exit(0 if found.same else 1)
 
@@ -104,13 +64,13 @@ def soak(
     try:
         verdicts, trouble, folder = run_soak(scenario, minutes, out)
     except ValueError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     except (RunError, RecordingError, SupervisorError) as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
+        raise fail(str(error), COULD_NOT_RUN) from None
     Console().print(table(verdicts))
     print(f"run folder: {folder}")
     if trouble:
-        raise _fail(f"the soak did not end by itself: {trouble}", COULD_NOT_RUN)
+        raise fail(f"the soak did not end by itself: {trouble}", COULD_NOT_RUN)
     bad = [one.service for one in verdicts if one.faults]
     print(f"soak of {minutes:g} min: " + (f"NOT flat: {', '.join(bad)}" if bad else "memory flat, no growing lateness"))
     raise typer.Exit(1 if bad else 0)
@@ -136,7 +96,7 @@ def rig_check(rig: Annotated[str, typer.Argument(help="a rig's name or a path to
     try:
         found = reach(load_rig(rig))
     except ConfigError as error:
-        raise _fail(str(error)) from None
+        raise fail(str(error)) from None
     for slot in found:
         print(f"{slot.slot:10s} {slot.kind:10s} {'ok' if slot.ok else 'NOT REACHABLE':14s} {slot.text}")
     raise typer.Exit(0 if all(slot.ok for slot in found) else COULD_NOT_RUN)

@@ -4,27 +4,17 @@ run, 130 interrupted."""
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from hil.cli import (
-    campaign as cli_campaign,
-)
-from hil.cli import (
-    check as cli_check,
-)
-from hil.cli import (
-    live as cli_live,
-)
-from hil.cli import (
-    report as cli_report,
-)
-from hil.cli import (
-    train as cli_train,
-)
+from hil.cli import campaign as cli_campaign
+from hil.cli import check as cli_check
+from hil.cli import live as cli_live
+from hil.cli import report as cli_report
+from hil.cli import train as cli_train
+from hil.cli.options import fail, parse_seeds
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,30 +24,6 @@ app = typer.Typer(
     help="Test harness and field-ops toolkit for perching a quadrotor on a moving, inclined board.\n\n"
     "Start with `perch-hil run hard-i`; `perch-hil scenarios` lists what can be flown.",
 )
-
-USAGE, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
-
-
-def fail(text: str, code: int = USAGE) -> typer.Exit:
-    """Print one line on stderr and return the exit to raise."""
-    print(f"perch-hil: {text}", file=sys.stderr)
-    return typer.Exit(code)
-
-
-def parse_seeds(seed: int | None, seeds: str | None) -> range:
-    """The seeds asked for by --seed N or --seeds A..B (inclusive); ValueError says what is wrong."""
-    if seed is not None and seeds is not None:
-        raise ValueError("give --seed or --seeds, not both")
-    if seeds is None:
-        first = last = 0 if seed is None else seed
-    else:
-        head, dots, tail = seeds.partition("..")
-        if not (dots and head.isdecimal() and tail.isdecimal()):
-            raise ValueError(f"--seeds {seeds!r}: write A..B with whole numbers, such as 0..19 (both ends included)")
-        first, last = int(head), int(tail)
-    if not 0 <= first <= last < 2**32:
-        raise ValueError(f"seeds {first}..{last}: they run upwards within 0..{2**32 - 1}")
-    return range(first, last + 1)
 
 
 @app.command()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-USAGE, COULD_NOT_RUN = 2, 3
+from hil.cli.options import COULD_NOT_RUN, USAGE, fail
 
 
 def report(
@@ -27,9 +26,9 @@ def report(
     try:
         path = write_report(runs, compare, out)
     except (ReadError, RunError, ValueError) as error:
-        raise _fail(str(error), USAGE) from None
+        raise fail(str(error), USAGE) from None
     except OSError as error:
-        raise _fail(f"{error.filename or out}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
+        raise fail(f"{error.filename or out}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
     print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
 
 
@@ -51,11 +50,11 @@ def view(
         else:
             save_rrd(run, save)
     except (ReadError, RunError, ValueError) as error:
-        raise _fail(str(error), USAGE) from None
+        raise fail(str(error), USAGE) from None
     except ViewerError as error:
-        raise _fail(str(error), error.code) from None
+        raise fail(str(error), error.code) from None
     except OSError as error:
-        raise _fail(f"{error.filename or save}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
+        raise fail(f"{error.filename or save}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
     if save is not None:
         print(f"wrote {save} ({save.stat().st_size / 1e6:.2f} MB): open it with `rerun {save}`")
 
@@ -64,8 +63,3 @@ def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     app.command()(report)
     app.command()(view)
-
-
-def _fail(text: str, code: int) -> typer.Exit:
-    print(f"perch-hil: {text}", file=sys.stderr)
-    return typer.Exit(code)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-USAGE, COULD_NOT_RUN = 2, 3
+from hil.cli.options import COULD_NOT_RUN, USAGE, fail
 
 
 def train(
@@ -44,7 +43,7 @@ def train(
     try:
         from hil.cli.training import RECIPES, Request, train_policy
     except ModuleNotFoundError as error:
-        raise _fail(f"training needs {error.name}: pip install -e '.[train]' in the project's folder", USAGE) from None
+        raise fail(f"training needs {error.name}: pip install -e '.[train]' in the project's folder", USAGE) from None
     from policies.flying.contract import ContractError
     from policies.training.learners.storage import DivergedError, TrainingError
     from policies.training.recipe import RecipeError
@@ -55,13 +54,13 @@ def train(
     try:
         code = train_policy(request)
     except (DivergedError, ContractError) as error:
-        raise _fail(str(error), COULD_NOT_RUN) from None
+        raise fail(str(error), COULD_NOT_RUN) from None
     except (RecipeError, TrainingError) as error:
-        raise _fail(str(error), USAGE) from None
+        raise fail(str(error), USAGE) from None
     except OSError as error:
-        raise _fail(f"{error.filename or folder}: {error.strerror}", COULD_NOT_RUN) from None
+        raise fail(f"{error.filename or folder}: {error.strerror}", COULD_NOT_RUN) from None
     except KeyboardInterrupt:
-        raise _fail("stopped without saving; the last checkpoint is as it was", 130) from None
+        raise fail("stopped without saving; the last checkpoint is as it was", 130) from None
     raise typer.Exit(code)
 
 
@@ -99,16 +98,16 @@ def evaluate(
     from policies.flying.contract import ContractError
 
     if heatmap is not None and heatmap.suffix != ".svg":
-        raise _fail(f"--heatmap {heatmap}: give a file that ends in .svg; the data goes beside it as .csv", USAGE)
+        raise fail(f"--heatmap {heatmap}: give a file that ends in .svg; the data goes beside it as .csv", USAGE)
     request = Request(policy, episodes, stage, noise, hover, time_limit, motions, robust, heatmap, seed)
     try:
         found = evaluate_policy(request)
     except (ContractError, ValueError, FileNotFoundError) as error:
-        raise _fail(str(error), USAGE) from None
+        raise fail(str(error), USAGE) from None
     except OSError as error:
-        raise _fail(f"{error.filename or heatmap}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
+        raise fail(f"{error.filename or heatmap}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
     except KeyboardInterrupt:
-        raise _fail("stopped; nothing was evaluated to the end", 130) from None
+        raise fail("stopped; nothing was evaluated to the end", 130) from None
     if as_json:
         print(json.dumps(found.data()))
     else:
@@ -119,8 +118,3 @@ def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
     app.command()(train)
     app.command()(evaluate)
-
-
-def _fail(text: str, code: int) -> typer.Exit:
-    print(f"perch-hil: {text}", file=sys.stderr)
-    return typer.Exit(code)

@@ -21,7 +21,7 @@ from hil.recording.receipts import ReceiptBook, Receipted
 from hil.recording.recorder import Recorder
 from hil.recording.runs import Run, new_run, policy_identity
 from hil.scoring.score import Score, Scorer
-from policies.flying.onnx_policy import FlyingPolicy
+from policies.task.interface import FlyingPolicy
 from scenarios.draw import draw
 from scenarios.spec import Scenario
 

@@ -21,7 +21,7 @@ from hil.contract.node import Inbox, Node
 from hil.recording.reader import Recording
 from hil.recording.receipts import Receipt, read_receipts
 from hil.recording.runs import Run, open_run
-from policies.flying.onnx_policy import policy_factory
+from policies.flying.registry import policy_factory
 from scenarios.draw import draw
 from scenarios.spec import Scenario
 from vehicle.quadrotor.airframe import load_airframe

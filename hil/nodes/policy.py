@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil.contract.messages import Action, Belief, Stage, VehicleState
 from hil.contract.node import Inbox, Out
-from policies.flying.onnx_policy import FlyingPolicy
+from policies.task.interface import FlyingPolicy
 
 
 class PolicyNode:

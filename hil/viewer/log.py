@@ -18,8 +18,8 @@ from rerun import blueprint as rrb
 
 from hil.recording.foxglove import belief_orientation, optical_from_tilt
 from hil.report.drawing.charts import BOARD, SEEN, VEHICLE, TimePlot, thin
-from hil.report.drawing.geometry import Motion
 from hil.report.recorded.flight import Recorded
+from hil.report.recorded.geometry import Motion
 from hil.report.sections import commands, estimate, motion, perception, touchdown
 from hil.viewer import scene
 from hil.viewer.scene import BELIEF_AT, BOARD_AT, BODY, CAMERA, EVENTS, PLOTS, WORLD, rgb, xyzw

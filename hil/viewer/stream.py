@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from hil.contract import messages as m
 from hil.recording.foxglove import belief_orientation, optical_from_tilt
 from hil.report.drawing.charts import BOARD, SEEN, VEHICLE
-from hil.report.drawing.geometry import nose_up_deg
+from hil.report.recorded.geometry import nose_up_deg
 from hil.viewer import scene
 from hil.viewer.scene import BELIEF_AT, BOARD_AT, BODY, CAMERA, EVENTS, PLOTS, WORLD, rgb
 from vehicle.camera.pinhole import Camera

@@ -18,7 +18,7 @@ from policies.environment.env import Env
 from policies.environment.rows import S_EXPOSURE, S_PENDING, S_QUEUE, S_STEP, SLOT, X_P, X_Q, X_V
 from policies.estimation.board_ekf import B_ACCEPTED, B_P
 from policies.estimation.ctrv import N
-from policies.flying.onnx_policy import Command, Vec3
+from policies.task.interface import Command, Vec3
 from policies.task.observation import action_from_command
 from vehicle.quadrotor.dynamics import W
 

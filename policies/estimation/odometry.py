@@ -6,32 +6,14 @@ those ends centimetres behind a board that moves.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from kernel.jit import njit
 from kernel.rotations import body_z, from_rotation_vector, multiply
+from policies.task.interface import VehicleView
 from vehicle.quadrotor.airframe import GRAVITY
 
 NOW_P, NOW_V, NOW_Q, NOW_DIM = 0, 3, 6, 10  # of a `vehicle_now` row: position, velocity, orientation
-
-Vec3 = tuple[float, float, float]
-
-
-class VehicleView(Protocol):
-    """The vehicle's own estimate (hil.contract.messages.VehicleState has these)."""
-
-    @property
-    def stamp_ns(self) -> int: ...
-    @property
-    def position(self) -> Vec3: ...
-    @property
-    def velocity(self) -> Vec3: ...
-    @property
-    def orientation(self) -> tuple[float, float, float, float]: ...
-    @property
-    def body_rate(self) -> Vec3: ...
 
 
 @njit

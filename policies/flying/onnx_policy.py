@@ -1,74 +1,18 @@
-"""What can fly: the planner, or an ONNX file with the house's contract, behind one small interface. No torch here."""
+"""A trained network as a flying policy: an ONNX file with a contract. No torch here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from kernel.rotations import body_z
-from policies.estimation.odometry import NOW_DIM, VehicleView, odometry_now
+from policies.estimation.odometry import NOW_DIM, odometry_now
 from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
 from policies.flying.contract import CameraContract, check_contract, open_policy
-from policies.flying.shipped import SHIPPED, policy_file
+from policies.task.interface import BoardView, Command, VehicleView
 from policies.task.observation import ObservationBuilder, action_from_command, command_from_action
 from vehicle.quadrotor.airframe import GRAVITY, Airframe
-
-Vec3 = tuple[float, float, float]
-
-
-class BoardView(Protocol):
-    """The belief about the board, predicted to now (hil.contract.messages.Belief has these)."""
-
-    @property
-    def stamp_ns(self) -> int: ...
-    @property
-    def valid(self) -> bool: ...
-    @property
-    def position(self) -> Vec3: ...
-    @property
-    def heading(self) -> float: ...
-    @property
-    def speed(self) -> float: ...
-    @property
-    def turn_rate(self) -> float: ...
-    @property
-    def inclination(self) -> float: ...
-    @property
-    def acceleration(self) -> float: ...
-    @property
-    def rho(self) -> float: ...
-    @property
-    def last_exposure_ns(self) -> int: ...
-    @property
-    def streak(self) -> int: ...
-    @property
-    def variance(self) -> tuple[float, ...]: ...
-    @property
-    def surface_sigma(self) -> float: ...
-
-
-class Command(NamedTuple):
-    """One tick's answer: body rate rad/s (FLU), collective thrust m/s^2; not `engaged`: the driver keeps its hover."""
-
-    engaged: bool
-    body_rate: Vec3
-    thrust: float
-    phase: str
-    thrust_gain: float
-
-
-class FlyingPolicy(Protocol):
-    """Anything that turns belief and odometry into commands, at ticks of 100 Hz.
-
-    It is stepped between ticks too, as soon as a picture has told something new, with the odometry of the last tick.
-    """
-
-    def reset(self, now_ns: int) -> None: ...
-
-    def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command: ...
 
 
 class OnnxPolicy:
@@ -129,25 +73,3 @@ class OnnxPolicy:
         command_from_action(self._action, self._command)
         p, q, r, thrust = (float(value) for value in self._command)
         return Command(True, (p, q, r), thrust, "network", float(gain))
-
-
-def policy_factory(name: str, airframe: Airframe, camera: CameraContract | None = None) -> Callable[[], FlyingPolicy]:
-    """Makes the policy called `name`: `planner` (it predicts by a network), `planner-analytic`, a shipped network
-    (`vision`, `state`), or an ONNX file.
-
-    Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
-    """
-    if name == "planner":
-        from policies.planner.learned_policy import LearnedPlannerPolicy
-
-        return lambda: LearnedPlannerPolicy(airframe)
-    if name == "planner-analytic":
-        from policies.planner.policy import PlannerPolicy
-
-        return lambda: PlannerPolicy(airframe)
-    file = policy_file(name)
-    if file is None or file.suffix != ".onnx":
-        known = ", ".join((*SHIPPED, "planner", "planner-analytic"))
-        raise ValueError(f"no policy {name!r}: use {known}, or the path of an .onnx file")
-    policy = OnnxPolicy(file, airframe, camera)
-    return lambda: policy

@@ -16,7 +16,7 @@ import math
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
-from policies.planner.contact_thrust import approach
+from policies.guidance.approach import approach
 from vehicle.quadrotor.airframe import GRAVITY
 
 FROM = 0.12  # s to contact, from where on

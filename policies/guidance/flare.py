@@ -15,7 +15,7 @@ import math
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
 from policies.guidance.alignment import LAG, wanted_axis
-from policies.planner.contact_thrust import approach
+from policies.guidance.approach import approach
 from vehicle.quadrotor.airframe import GRAVITY
 
 LATEST = 3.4  # rad/s on average

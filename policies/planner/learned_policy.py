@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from policies.estimation.odometry import VehicleView
-from policies.flying.onnx_policy import BoardView, Command
 from policies.planner.learned_planner import MEMORY_DIM, planner_on_learned
 from policies.planner.params import PlannerParams
 from policies.planner.policy import PlannerPolicy
 from policies.prediction.future import STEP
 from policies.prediction.learned import SCRATCH_DIM, load_predictor
+from policies.task.interface import BoardView, Command, VehicleView
 from vehicle.quadrotor.airframe import Airframe
 
 

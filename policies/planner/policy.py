@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from policies.estimation.odometry import NOW_DIM, VehicleView, odometry_now
+from policies.estimation.odometry import NOW_DIM, odometry_now
 from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM
-from policies.flying.onnx_policy import BoardView, Command
 from policies.planner.params import PlannerParams
 from policies.planner.planner import (
     E_AGE,
@@ -26,6 +25,7 @@ from policies.planner.planner import (
     planner_reset,
 )
 from policies.prediction.future import HORIZON, STEP
+from policies.task.interface import BoardView, Command, VehicleView
 from vehicle.quadrotor.airframe import Airframe
 
 

@@ -9,7 +9,7 @@ from policies.environment.config import EnvConfig
 from policies.flying.contract import CameraContract, Contract, ObservationContract, Provenance
 from policies.network.actor_critic import Actor, NetworkConfig, normalisation
 from policies.network.export import export
-from policies.network.import_onnx import import_actor
+from policies.training.import_onnx import import_actor
 from policies.training.learners.storage import TrainingError, commit_id, load_checkpoint, save_checkpoint
 from policies.training.recipe import Recipe
 from vehicle.quadrotor.airframe import load_airframe

@@ -15,8 +15,6 @@ from pathlib import Path
 import numpy as np
 import pyapriltags
 
-FAMILY = "tag36h11"
-
 
 class _Image(ct.Structure):
     _fields_ = (("width", ct.c_int), ("height", ct.c_int), ("stride", ct.c_int), ("buf", ct.c_void_p))
@@ -99,28 +97,7 @@ def _library() -> ct.CDLL:
     library.tag36h11_create.restype = ct.POINTER(_Family)
     library.tag36h11_destroy.argtypes = [ct.POINTER(_Family)]
     library.tag36h11_destroy.restype = None
-    library.apriltag_to_image.argtypes = [ct.POINTER(_Family), ct.c_int]
-    library.apriltag_to_image.restype = ct.POINTER(_Image)
-    library.image_u8_destroy.argtypes = [ct.POINTER(_Image)]
     return library
-
-
-@cache
-def tag_bitmap(tag_id: int) -> np.ndarray:
-    """The tag's modules with its white ring, upright: (10, 10) uint8, 0 or 255. Raises ValueError if no such id."""
-    family = _library().tag36h11_create()
-    count = family.contents.ncodes
-    if not 0 <= tag_id < count:
-        _library().tag36h11_destroy(family)
-        raise ValueError(f"{FAMILY} has ids 0..{count - 1}, not {tag_id}")
-    image = _library().apriltag_to_image(family, tag_id)
-    shape = (image.contents.height, image.contents.stride)
-    pixels = np.ctypeslib.as_array(ct.cast(image.contents.buf, ct.POINTER(ct.c_uint8)), shape)
-    bitmap = pixels[:, : image.contents.width].copy()
-    _library().image_u8_destroy(image)
-    _library().tag36h11_destroy(family)
-    bitmap.setflags(write=False)
-    return bitmap
 
 
 class TagDetector:

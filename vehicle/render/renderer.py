@@ -10,6 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from groundcar.board.face import bitmap
 from groundcar.board.layout import Board
 from kernel.random import stream
 from kernel.rotations import to_matrix
@@ -99,5 +100,5 @@ class Renderer:
         """The face's texels under a share of full light, in steps of one DN of white."""
         white = round(_WHITE * light)
         if white not in self._textures:
-            self._textures[white] = face_texture(self.board.bitmap, white * _BLACK / _WHITE, white)
+            self._textures[white] = face_texture(bitmap(self.board), white * _BLACK / _WHITE, white)
         return self._textures[white]

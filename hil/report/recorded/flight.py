@@ -16,8 +16,8 @@ from hil.recording.manifest import clean_manifest, clean_score, nested
 from hil.recording.reader import Recording
 from hil.recording.recorder import PICTURES
 from hil.recording.runs import MANIFEST, RunError, open_run
-from hil.report.drawing.geometry import Approach, Motion, approach
 from hil.report.recorded.columns import Columns
+from hil.report.recorded.geometry import Approach, Motion, approach
 from hil.scoring.score import Score, Scorer
 from scenarios.spec import Scenario, Tolerance
 from vehicle.quadrotor.airframe import load_airframe

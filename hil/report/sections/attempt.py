@@ -6,10 +6,10 @@ import numpy as np
 from markupsafe import Markup
 
 from hil.report.drawing.charts import BOARD, MUTED, SEEN, VEHICLE
-from hil.report.drawing.geometry import Motion, at, axes
 from hil.report.drawing.section import Section
 from hil.report.drawing.svg import Plane
 from hil.report.recorded.flight import Recorded
+from hil.report.recorded.geometry import Motion, at, axes
 from hil.report.sections.scene import scene
 
 _MARK_NS = 250_000_000

@@ -9,10 +9,10 @@ from markupsafe import Markup
 
 from hil.recording.manifest import nested
 from hil.report.drawing.charts import ASKED, BAD, BOARD, VEHICLE, TimePlot
-from hil.report.drawing.geometry import specific_thrust
 from hil.report.drawing.section import Section, table
 from hil.report.recorded.columns import Columns
 from hil.report.recorded.flight import Recorded
+from hil.report.recorded.geometry import specific_thrust
 
 
 def build(recorded: Recorded) -> Section:

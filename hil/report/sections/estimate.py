@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hil.report.drawing.charts import BAD, BELIEF, BOARD, MUTED, SEEN, VEHICLE, TimePlot
-from hil.report.drawing.geometry import Motion, at, axes, nose_up_deg
 from hil.report.drawing.section import Section
 from hil.report.recorded.flight import Recorded
+from hil.report.recorded.geometry import Motion, at, axes, nose_up_deg
 
 # Indices of the state in Belief.variance: x, y, z, heading, speed, turn rate, inclination, acceleration, heading bias.
 _X, _Y, _Z, _SPEED = 0, 1, 2, 4

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hil.report.drawing.charts import BOARD, VEHICLE, TimePlot
-from hil.report.drawing.geometry import Motion, nose_up_deg
 from hil.report.drawing.section import Section
 from hil.report.recorded.flight import Recorded
+from hil.report.recorded.geometry import Motion, nose_up_deg
 
 
 def build(recorded: Recorded) -> Section:

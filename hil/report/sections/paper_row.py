@@ -7,10 +7,10 @@ from typing import Any
 
 from markupsafe import Markup
 
-from hil.cli.console import published_row
 from hil.report.drawing.section import Section, table
 from hil.report.recorded.flight import Recorded
 from scenarios.paper import RealRow, paper
+from scenarios.spec import published_row
 
 # field of the score's metrics and of the published row, name, unit, digits
 ROWS = (

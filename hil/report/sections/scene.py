@@ -8,8 +8,8 @@ import numpy as np
 from markupsafe import Markup
 
 from hil.report.drawing.charts import BOARD, MUTED, VEHICLE
-from hil.report.drawing.geometry import Motion, axes
 from hil.report.recorded.flight import Recorded
+from hil.report.recorded.geometry import Motion, axes
 
 _STEP_NS = 20_000_000  # between drawn points
 _ARROW_NS = 200_000_000  # between drawn attitudes

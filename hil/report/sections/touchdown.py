@@ -6,10 +6,10 @@ import numpy as np
 from markupsafe import Markup
 
 from hil.report.drawing.charts import BOARD, MUTED, VEHICLE, TimePlot
-from hil.report.drawing.geometry import Approach
 from hil.report.drawing.section import Section
 from hil.report.drawing.svg import Plane
 from hil.report.recorded.flight import Recorded
+from hil.report.recorded.geometry import Approach
 
 _BEFORE_NS = 1_000_000_000
 _REACH = 0.45  # m shown on each side of the board's centre

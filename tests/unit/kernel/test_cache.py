@@ -118,7 +118,7 @@ def test_kernels_run_without_the_compiler(package):
 
 
 def test_cold_means_no_compiled_kernel(tmp_path, monkeypatch):
-    monkeypatch.setattr("kernel.CACHE_DIR", tmp_path)
+    monkeypatch.setattr("kernel.jit.CACHE_DIR", tmp_path)
     assert cache_is_cold()
     (tmp_path / "abc").mkdir()
     (tmp_path / "abc" / "f.nbc").write_bytes(b"")

@@ -6,18 +6,14 @@ Values that carry no information here (temperatures, remote id, jamming) are the
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import MESSAGES as M
 from vehicle.px4.sim.plant import S_ACC, S_EULER, S_GYRO, S_P, S_Q, S_V, S_W
 from vehicle.px4.sim.port import Port
-
-if TYPE_CHECKING:
-    from vehicle.px4.sim.view import View
+from vehicle.px4.sim.view import View
 
 NAN = math.nan
-_NAN21 = (NAN,) * 21
 _ZERO20 = (0,) * 20
 _MAG_FIELD = (0.215, 0.0186, 0.42)  # gauss, NED, at the origin
 PRESSURE_ASL, SCALE_HEIGHT = 1013.25, 8434.0
@@ -278,14 +274,6 @@ def odometry(v: View, port: Port) -> None:
         px4.ESTIMATOR_AUTOPILOT,
         0,
     )
-
-
-def diagonal(*values: float) -> tuple[float, ...]:
-    """Upper triangle of a 6x6 matrix with these diagonal elements, NaN elsewhere; missing ones are NaN too."""
-    out = list(_NAN21)
-    for i, value in enumerate(values):
-        out[6 * i - i * (i - 1) // 2] = value
-    return tuple(out)
 
 
 def time_estimate(v: View, port: Port) -> None:

@@ -24,7 +24,6 @@ from vehicle.px4.sim.control import (
     YAW_SMOOTH,
 )
 from vehicle.px4.sim.estimator import Estimator
-from vehicle.px4.sim.messages import diagonal
 from vehicle.px4.sim.plant import GROUND, NSNAP, S_EULER, TICK_NS, snapshot
 from vehicle.px4.sim.state import Flight
 from vehicle.quadrotor.dynamics import COMMAND, MOTOR
@@ -32,6 +31,14 @@ from vehicle.quadrotor.dynamics import COMMAND, MOTOR
 FULL_MV, EMPTY_MV, EMPTY_PERCENT = 16200, 15300, 51  # SIM_BAT_*: what a SITL battery shows
 DRAIN_S = 30.0  # armed, from full to empty
 EPOCH_US = 1_767_225_600_000_000  # 2026-01-01: simulated PX4s boot at new year
+
+
+def diagonal(*values: float) -> tuple[float, ...]:
+    """Upper triangle of a 6x6 matrix with these diagonal elements, NaN elsewhere; missing ones are NaN too."""
+    out = [math.nan] * 21
+    for i, value in enumerate(values):
+        out[6 * i - i * (i - 1) // 2] = value
+    return tuple(out)
 
 
 class View:

@@ -5,10 +5,11 @@ import cv2
 import numpy as np
 import pytest
 
+from groundcar.board.face import bitmap, rectangles, tag_bitmap
 from groundcar.board.layout import Board, BoardTag, rotation_from_car
 from groundcar.board.printing import write_printable
 from kernel.rotations import from_euler
-from vehicle.apriltag.library import TagDetector, tag_bitmap
+from vehicle.apriltag.library import TagDetector
 from vehicle.camera.pinhole import Camera, platform_visibility
 
 BOARD = Board()
@@ -20,7 +21,7 @@ def found(picture, **options):
 
 def test_bitmap_decodes_and_corners_are_where_the_board_says():
     scale, border = 6, 40
-    face = np.kron(BOARD.bitmap, np.ones((scale, scale), np.uint8))
+    face = np.kron(bitmap(BOARD), np.ones((scale, scale), np.uint8))
     tags = found(np.pad(face, border, constant_values=255))
     assert sorted(tags) == list(range(11))
     for tag_id, tag in tags.items():
@@ -55,12 +56,12 @@ def test_a_level_camera_at_contact_has_the_row_of_small_tags_in_its_picture():
 
 
 def test_black_rectangles_are_the_bitmap():
-    grid = np.full_like(BOARD.bitmap, 255)
+    grid = np.full_like(bitmap(BOARD), 255)
     covered = np.zeros(grid.shape, int)
-    for row, column, rows, columns in BOARD.rectangles():
+    for row, column, rows, columns in rectangles(BOARD):
         grid[row : row + rows, column : column + columns] = 0
         covered[row : row + rows, column : column + columns] += 1
-    assert np.array_equal(grid, BOARD.bitmap)
+    assert np.array_equal(grid, bitmap(BOARD))
     assert covered.max() == 1
 
 
@@ -100,7 +101,7 @@ def test_png_is_true_to_size_and_decodes(tmp_path):
 
 
 def test_svg_and_pdf_draw_the_same_black_area_at_true_size(tmp_path):
-    black = float(np.mean(BOARD.bitmap == 0)) * BOARD.size**2
+    black = float(np.mean(bitmap(BOARD) == 0)) * BOARD.size**2
     svg = write_printable(tmp_path / "board.svg").read_text()
     boxes = re.findall(r"h([\d.]+)v([\d.]+)h-", svg)
     assert sum(float(w) * float(h) for w, h in boxes) * 1e-6 == pytest.approx(black, rel=1e-4)

@@ -10,9 +10,10 @@ import pytest
 from groundcar.board.layout import Board, rotation_from_car
 from hil.assembly.rig import CameraSlot, MocapSlot
 from hil.bench import mocap as bench_mocap
+from hil.bench.reading import Unavailable
+from hil.check.catalogue import checks
 from hil.check.checklist import load_checklist
 from hil.check.judge import Outcome, judge
-from hil.check.registry import Unavailable, checks
 from hil.contract.messages import Image, VehicleState
 from hil.recording.foxglove import FoxgloveView
 from hil.recording.recorder import Recorder

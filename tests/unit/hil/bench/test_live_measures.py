@@ -10,7 +10,8 @@ import pytest
 
 from groundcar.scout.sim import ScoutSim
 from hil.assembly.rig import Rig
-from hil.check.registry import Unavailable, checks
+from hil.bench.reading import Unavailable
+from hil.check.catalogue import checks
 from hil.wires.can import open_can
 from hil.wires.udp import UdpWire
 from tests.unit.hil.check.made_up import context as make_context

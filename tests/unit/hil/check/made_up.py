@@ -27,7 +27,7 @@ def registered(name: str, function: Callable[..., Reading], unit: str = ""):
     try:
         yield
     finally:
-        del registry._CHECKS[name]
+        del registry.REGISTERED[name]
 
 
 def checklist(*groups: list[dict[str, Any]], kind: str = "preflight") -> Checklist:

@@ -4,9 +4,9 @@ from collections import namedtuple
 from dataclasses import replace
 
 from hil.check import items_host
+from hil.check.catalogue import checks
 from hil.check.checklist import load_checklist
 from hil.check.judge import judge
-from hil.check.registry import checks
 
 ITEMS = {
     (item.check, str(item.args.get("name", ""))): item

@@ -2,8 +2,8 @@
 
 import pytest
 
+from hil.bench.reading import NotApplicable, Unavailable
 from hil.check.judge import Outcome
-from hil.check.registry import NotApplicable, Unavailable
 from tests.unit.hil.check.preflight import ITEMS, result, roomy, with_slot
 
 HEALTHY = [key for key in ITEMS if key[0] not in ("host.bus",) and ITEMS[key].when != "real"]

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from hil.bench import camera as bench_camera
+from hil.bench.reading import NotApplicable, Unavailable
 from hil.check.judge import Outcome
-from hil.check.registry import NotApplicable, Unavailable
 from scenarios.spec import load
 from tests.unit.hil.check.made_up import context as make_context
 from tests.unit.hil.check.preflight import result, with_slot

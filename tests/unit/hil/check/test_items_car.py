@@ -5,8 +5,8 @@ import pytest
 from groundcar.scout.params import load_scout
 from groundcar.scout.sim import ScoutSim
 from hil.bench import car as bench_car
+from hil.bench.reading import Unavailable
 from hil.check.judge import Outcome
-from hil.check.registry import Unavailable
 from tests.unit.hil.check.preflight import result
 
 

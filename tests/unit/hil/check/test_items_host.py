@@ -5,11 +5,12 @@ from dataclasses import replace
 import pytest
 
 from hil.bench import bus as bench_bus
+from hil.bench.reading import NotApplicable, Unavailable
 from hil.bus import clock as bus_clock
 from hil.bus.leaf import BusError, open_hub
 from hil.check import items_host
+from hil.check.catalogue import checks
 from hil.check.judge import Outcome
-from hil.check.registry import NotApplicable, Unavailable, checks
 from hil.viewer.view import free_port
 from tests.unit.hil.check.preflight import ITEMS, result, roomy
 

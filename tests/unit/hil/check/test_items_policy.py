@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from hil.check.catalogue import checks
 from hil.check.judge import Outcome
-from hil.check.registry import checks
 from tests.unit.hil.check.made_up import context as make_context
 from tests.unit.hil.check.preflight import result
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 from hil.bench import vehicle as bench_vehicle
+from hil.bench.reading import NotApplicable, Unavailable
+from hil.check.catalogue import checks
 from hil.check.judge import Outcome
-from hil.check.registry import NotApplicable, Unavailable, checks
 from hil.recording.runs import write_json
 from tests.unit.hil.check.preflight import result, with_slot
 from vehicle.px4.sim.autopilot import Px4Sim

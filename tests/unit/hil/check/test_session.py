@@ -1,9 +1,9 @@
 import pytest
 
+from hil.bench.reading import NotApplicable, Unavailable
 from hil.check import records
 from hil.check.judge import Outcome, Reading
 from hil.check.records import GO, INCOMPLETE, NO_GO
-from hil.check.registry import NotApplicable, Unavailable
 from hil.check.session import Answer
 from tests.unit.hil.check.made_up import PASS, Nobody, Operator, checklist, record_of, registered, sit
 

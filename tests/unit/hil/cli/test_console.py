@@ -6,10 +6,10 @@ import math
 import pytest
 from rich.console import Console
 
-from hil.cli.console import _ROWS, json_row, published_row, rate_text, run_table, scenarios_table, seeds_table
+from hil.cli.console import _ROWS, json_row, rate_text, run_table, scenarios_table, seeds_table
 from hil.scoring.score import Metrics, Score
 from scenarios.paper import RealRow
-from scenarios.spec import list_scenarios, load
+from scenarios.spec import list_scenarios, load, published_row
 
 
 def score(seed=0, within=True, attached=True, planar=0.05, reasons=(), scenario="hard-i"):

@@ -1,6 +1,6 @@
 from hil.contract.messages import Belief, Stage, VehicleState
 from hil.nodes.policy import PolicyNode
-from policies.flying.onnx_policy import Command
+from policies.task.interface import Command
 from tests.unit.hil.contract.node_fakes import filled
 
 

@@ -3,7 +3,8 @@
 import pytest
 
 from hil.contract.messages import Belief, VehicleState
-from policies.flying.onnx_policy import OnnxPolicy, policy_factory
+from policies.flying.onnx_policy import OnnxPolicy
+from policies.flying.registry import policy_factory
 from policies.flying.shipped import SHIPPED, policy_file
 from policies.task.observation import FILL
 from vehicle.quadrotor.airframe import load_airframe

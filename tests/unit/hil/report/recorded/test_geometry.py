@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from hil.recording.foxglove import belief_orientation
-from hil.report.drawing.geometry import Motion, approach, at, axes, nose_up_deg, specific_thrust
+from hil.report.recorded.geometry import Motion, approach, at, axes, nose_up_deg, specific_thrust
 from policies.task.contact import HEIGHT, NORMAL_ERROR, RESULT_DIM, ContactRules, X, Y, relative_state
 
 QUATERNIONS = arrays(np.float64, 4, elements=st.floats(-1, 1)).filter(lambda q: np.linalg.norm(q) > 0.1)

@@ -7,8 +7,8 @@ from onnx import numpy_helper
 
 from policies.network.actor_critic import Actor, FlightActor, NetworkConfig
 from policies.network.export import compare, export
-from policies.network.import_onnx import import_actor
 from policies.training.actor import load_actor
+from policies.training.import_onnx import import_actor
 from policies.training.learners.storage import TrainingError
 from tests.paths import ROOT
 from tests.unit.policies.network.test_export import CONTRACT, actor

@@ -1,0 +1,18 @@
+"""All automatic checks by name: what a checklist may ask for."""
+
+from __future__ import annotations
+
+from hil.check import (  # noqa: F401  importing them registers their checks
+    items_camera,
+    items_car,
+    items_host,
+    items_policy,
+    items_run,
+    items_vehicle,
+)
+from hil.check.registry import REGISTERED, Check
+
+
+def checks() -> dict[str, Check]:
+    """All registered checks, by name."""
+    return dict(sorted(REGISTERED.items()))
