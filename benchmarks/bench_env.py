@@ -3,7 +3,7 @@
     python -m benchmarks.bench_env [--count 4096] [--seconds 3]
 
 One control step is 10 ms. `vehicle`: body-rate control, mixer, motors and rigid body in 5 substeps of 2 ms; `state` and
-`vision` are whole environment steps: platform motion, delays, physics, contact, reward, observation, resets, and in
+`vision` are whole environment steps: board motion, delays, physics, contact, reward, observation, resets, and in
 vision camera, noise and filter. The peer is crazyflow 0.4 (first principles + body-rate control, 5 x 500 Hz substeps)
 and its LandingEnv: measured in the same run if `make peer` has installed it; else figures that were measured elsewhere,
 on two shared cores at N = 4096, are shown. Mark: ten times its control steps a second.

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from groundcar.motion import board_motion as m
 from groundcar.motion import paths as t
-from groundcar.motion import platform as m
 from groundcar.motion import speed_laws as s
 from groundcar.motion.splines import random_spline
 from groundcar.scout.driver import Command, ScoutLink

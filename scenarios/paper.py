@@ -135,7 +135,7 @@ class Limits(_Row):
 
 
 class Trajectory(_Row):
-    """Parameters of the platform's motions; `cosine` is Hard-I's minimum, maximum (m/s) and period (s)."""
+    """Parameters of the board's motions; `cosine` is Hard-I's minimum, maximum (m/s) and period (s)."""
 
     height: Number
     line_amplitude: Number

@@ -1,6 +1,6 @@
 """What a scenario file may say, and how it is found and read.
 
-A scenario says what happens: the platform's path and speed law, the board, the start, the camera's rate, wind, limits
+A scenario says what happens: the board's path and speed law, the board, the start, the camera's rate, wind, limits
 and tolerances, and the published row to compare with. It is data only: nothing here builds a path or a node.
 SI units; a unit stands in a name only where it is not SI. World ENU; the path frame's origin is the world's.
 """
@@ -39,7 +39,7 @@ class Table(BaseModel):
 
 
 class StaticPath(Table):
-    """The platform stands at (x, y), facing `heading_deg` (counter-clockwise from east)."""
+    """The board stands at (x, y), facing `heading_deg` (counter-clockwise from east)."""
 
     kind: Literal["static"]
     x: Number = 0.0

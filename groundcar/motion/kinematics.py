@@ -1,4 +1,4 @@
-"""Differential drive: the platform dynamics of the paper's appendix "System Dynamics", integrated exactly."""
+"""Differential drive: the board dynamics of the paper's appendix "System Dynamics", integrated exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paths of the platform as kernels over one parameter u, and builders of their parameter rows.
+"""Paths of the board as kernels over one parameter u, and builders of their parameter rows.
 
 A path row has shape (P,), float64: where the path frame stands in the world (X0, Y0, HEADING) and the kind's numbers.
 Paths are those of the paper's appendix "Trajectory Definitions and Parameters", plus a circle.
@@ -138,7 +138,7 @@ def _positive(name: str, value: float) -> float:
 
 
 def static_path(x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> np.ndarray:
-    """Path row of a platform that stands at (x, y) m, facing `heading` rad. Raises ValueError if not finite."""
+    """Path row of a board that stands at (x, y) m, facing `heading` rad. Raises ValueError if not finite."""
     return _row(x, y, heading)
 
 

@@ -1,10 +1,10 @@
-"""Where the board is, from a platform row (8,): R_world_board = Rz(heading) Ry(-inclination), normal backward, up."""
+"""Where the board is, from a board row (8,): R_world_board = Rz(heading) Ry(-inclination), normal backward, up."""
 
 from __future__ import annotations
 
 import math
 
-from groundcar.motion.platform import HEADING, INCLINATION, SPEED, X, Y, Z
+from groundcar.motion.board_motion import HEADING, INCLINATION, SPEED, X, Y, Z
 from kernel.jit import njit
 
 

@@ -1,4 +1,4 @@
-"""What forward speed is asked of the platform, as a kernel: constant, Ornstein-Uhlenbeck, cosine, scheduled.
+"""What forward speed is asked of the board, as a kernel: constant, Ornstein-Uhlenbeck, cosine, scheduled.
 
 A speed row has shape (S,), float64. Every law may be perturbed by the paper's OU factor exp(eta) if SIGMA > 0.
 On a reciprocating line the law gives the peak speed; the line's own cosine comes from its phase (trajectories.LINE).
@@ -97,6 +97,6 @@ def cosine_speed(minimum: float = 1.0, maximum: float = 2.5, period: float = 3.0
 def scheduled_speed(first: float, second: float, ramp: float = 0.5, switch: float = math.inf) -> np.ndarray:
     """Speed row of kind SCHEDULED: `first`, from `switch` s within `ramp` s linearly to `second`.
 
-    Leave `switch` at inf where `groundcar.motion.platform` decides when the path changes: it writes the time then.
+    Leave `switch` at inf where `groundcar.motion.board_motion` decides when the path changes: it writes the time then.
     """
     return _row(V=first, V2=second, RAMP=ramp, SWITCH=switch)

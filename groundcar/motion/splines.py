@@ -131,7 +131,7 @@ def random_spline(stream, params, v_des, count=12, r_min=RADIUS_MIN, r_max=RADIU
 
     `stream`: (1,) uint64. Curvature is kept <= turn_rate_limit / max(v_des, 0.1 m/s) by shrinking radial deviations
     with a factor alpha found by bisection, which is returned (1: unchanged). If even the circle (alpha 0) is too tight,
-    which takes fast platforms and small radii, it is widened until it is not: the paper does not cover that.
+    which takes fast boards and small radii, it is widened until it is not: the paper does not cover that.
     """
     limit = turn_rate_limit / max(v_des, SPEED_FLOOR)
     params[COUNT] = count

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from groundcar.motion.board_motion import HEADING, INCLINATION, SPEED, TURN_RATE, X, Y, Z
 from groundcar.motion.kinematics import drive
-from groundcar.motion.platform import HEADING, INCLINATION, SPEED, TURN_RATE, X, Y, Z
 
 _LONGEST_S = 0.5  # a car that has said nothing for longer is not taken to have driven on
 
@@ -32,8 +32,8 @@ class DeadReckoning:
             self._pose = self._at(stamp_ns)
         self._stamp_ns, self._speed, self._turn_rate = stamp_ns, speed, turn_rate
 
-    def platform_row(self, now_ns: int) -> np.ndarray:
-        """The platform row (8,) of `groundcar.motion.platform` at `now_ns`, predicted from the last report."""
+    def board_row(self, now_ns: int) -> np.ndarray:
+        """The board row (8,) of `groundcar.motion.board_motion` at `now_ns`, predicted from the last report."""
         x, y, heading = self._at(now_ns)
         row = np.zeros(8)
         row[X], row[Y], row[Z], row[HEADING] = x, y, self._height, heading

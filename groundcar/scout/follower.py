@@ -1,4 +1,4 @@
-"""Drives a real car along a platform's motion: the reference moves in time, feedback keeps the car on it.
+"""Drives a real car along a board's motion: the reference moves in time, feedback keeps the car on it.
 
 Law of Kanayama et al. (ICRA 1990) with signed speed, so that it also backs along a reciprocating line: with the error
 (along, across, heading) seen from the car,
@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundcar.motion import platform as m
+from groundcar.motion import board_motion as m
+from groundcar.motion.board_motion import motion_future, motion_reset, motion_step
 from groundcar.motion.kinematics import drive
 from groundcar.motion.paths import LINE
-from groundcar.motion.platform import motion_future, motion_reset, motion_step
 from groundcar.scout.driver import Command
 from groundcar.scout.params import ScoutParams, load_scout
 from kernel.jit import njit
@@ -39,7 +39,7 @@ class CarRef(NamedTuple):
 
 @njit
 def follow(reference, ahead, x, y, heading, gains, limits):
-    """(speed, turn rate) for a car at (x, y, heading); `reference` and `ahead`: platform rows (8,), now and `lead` on.
+    """(speed, turn rate) for a car at (x, y, heading); `reference` and `ahead`: board rows (8,), now and `lead` on.
 
     gains: (along, across, heading, correction limit); limits: (speed, turn rate).
     """
@@ -53,7 +53,7 @@ def follow(reference, ahead, x, y, heading, gains, limits):
 
 
 class Follower:
-    """Follows one platform motion. Equal arguments give equal references; only `aux`'s speed law may draw numbers."""
+    """Follows one board motion. Equal arguments give equal references; only `aux`'s speed law may draw numbers."""
 
     def __init__(self, aux: np.ndarray, u: float, stream: np.ndarray, params: ScoutParams | None = None) -> None:
         """`aux`: row of `motion.motion_aux` (copied); `u`: where on the path to start; `stream`: of the speed law.
@@ -80,7 +80,7 @@ class Follower:
         return float(self._row[m.X]), float(self._row[m.Y]), float(self._row[m.HEADING])
 
     def preview(self, seconds: float) -> np.ndarray:
-        """Platform row (8,) of the reference `seconds` after now (before the start: after the start), noise frozen."""
+        """Board row (8,) of the reference `seconds` after now (before the start: after the start), noise frozen."""
         ticks = max(1, math.ceil(seconds * 1e9 / TICK_NS - 1e-6))
         out = np.zeros((ticks, 8))
         motion_future(self._row, self._aux, seconds / ticks, ticks, out)

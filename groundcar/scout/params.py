@@ -109,7 +109,7 @@ class FollowerGains(_Table):
 
 
 class Imitation(_Table):
-    """`response` and `damping` of groundcar.motion.platform that imitate this car: rad/s, 1."""
+    """`response` and `damping` of groundcar.motion.board_motion that imitate this car: rad/s, 1."""
 
     response: Positive
     damping: Positive

@@ -93,8 +93,8 @@ class ScoutSim:
         """True turn rate, rad/s."""
         return float(self._state[ph.TURN_RATE])
 
-    def platform_row(self, height: float, inclination: float, out: np.ndarray | None = None) -> np.ndarray:
-        """The board that the car carries as a platform row (8,) of groundcar.motion.platform; u is 0."""
+    def board_row(self, height: float, inclination: float, out: np.ndarray | None = None) -> np.ndarray:
+        """The board that the car carries as a board row (8,) of groundcar.motion.board_motion; u is 0."""
         row = np.zeros(8) if out is None else out
         row[:] = (*self.pose[:2], height, self.pose.heading, self.speed, self.turn_rate, inclination, 0.0)
         return row

@@ -16,7 +16,7 @@ from groundcar.scout.driver import ScoutLink
 from groundcar.scout.follower import Follower
 from groundcar.scout.params import load_scout
 from groundcar.scout.sim import ScoutSim
-from hil.assembly.platform_motion import hover_start, motion_aux, start_parameter, start_platform
+from hil.assembly.board_motion import hover_start, motion_aux, start_board, start_parameter
 from hil.assembly.rig import Rig
 from hil.assembly.sensing import camera_node, mocap_node, mounted_cameras
 from hil.contract.node import Node
@@ -155,8 +155,8 @@ class Assembly:
         return CarDevice(sim, board.height, math.radians(board.inclination_deg))
 
     def _car_start(self) -> tuple[float, float, float]:
-        platform = start_platform(self._scenario, self._drawn)
-        return float(platform[0]), float(platform[1]), float(platform[3])
+        board = start_board(self._scenario, self._drawn)
+        return float(board[0]), float(board[1]), float(board[3])
 
     def _car_link(self) -> CarLink:
         rig, board = self._rig, self._scenario.board

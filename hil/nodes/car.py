@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from groundcar.motion.platform import HEADING, SPEED, TURN_RATE
+from groundcar.motion.board_motion import HEADING, SPEED, TURN_RATE
 from groundcar.motion.pose import board_position, board_quaternion, board_velocity
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import ScoutLink, WrongProtocolError
@@ -130,7 +130,7 @@ class CarLink:
         )
         if self._truth is not None:
             self._truth.add(said.stamp_ns, said.speed, said.turn_rate)
-            outs.append(Out("truth/board", board_of(now_ns, self._truth.platform_row(now_ns))))
+            outs.append(Out("truth/board", board_of(now_ns, self._truth.board_row(now_ns))))
         return [*outs, Out("car/feedback", self._said)]
 
     def _checked(self, now_ns: int, command: CarCommand, outs: list[Out]) -> CarCommand | None:
@@ -160,14 +160,14 @@ class CarDevice:
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         self._sim.step(now_ns)
-        return [Out("truth/board", board_of(now_ns, self._sim.platform_row(self._height, self._inclination)))]
+        return [Out("truth/board", board_of(now_ns, self._sim.board_row(self._height, self._inclination)))]
 
     def close(self) -> None:
         pass
 
 
 def board_of(stamp_ns: int, row: np.ndarray) -> BoardState:
-    """The board's state from a platform row (8,)."""
+    """The board's state from a board row (8,)."""
     x, y, z = board_position(row)
     return BoardState(
         stamp_ns=stamp_ns,

@@ -33,13 +33,13 @@ class Referee:
             return []
         if self._decided is not None:
             return [Out("referee/contact", self._decided)]
-        platform = np.array([*board.position, board.heading, board.speed, board.turn_rate, self._inclination, 0.0])
+        board_row = np.array([*board.position, board.heading, board.speed, board.turn_rate, self._inclination, 0.0])
         rule.evaluate(
             np.array(vehicle.position),
             np.array(vehicle.velocity),
             np.array(vehicle.orientation),
             np.array(vehicle.body_rate),
-            platform,
+            board_row,
             (now_ns - stage.attempt_start_ns) * 1e-9,
             self._rules,
             self._result,

@@ -67,7 +67,7 @@ class PerchPlan:
 def plan_perch(
     start: np.ndarray, board: np.ndarray, params: FastPerchingParams, last: tuple[PerchPlan, float] | None = None
 ) -> PerchPlan:
-    """The plan from `start` ((4, 3): position, velocity, acceleration, jerk; world) to `board` ((8,) platform row now).
+    """The plan from `start` ((4, 3): position, velocity, acceleration, jerk; world) to `board` ((8,) board row now).
 
     `last`: the plan before and how many s of it are flown; it is where the search begins. Raises ValueError as
     `load_search` does.

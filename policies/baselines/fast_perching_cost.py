@@ -67,7 +67,7 @@ def smooth_step(x):
 
 @njit
 def board_at(board, t, out):
-    """Position, velocity, normal and the two tangents of `board` ((8,) platform row) in `t` s, into `out` (15,)."""
+    """Position, velocity, normal and the two tangents of `board` ((8,) board row) in `t` s, into `out` (15,)."""
     h0, w = board[3], board[5]
     h = h0 + w * t
     c, s = math.cos(h), math.sin(h)

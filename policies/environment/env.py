@@ -28,7 +28,7 @@ from vehicle.quadrotor.airframe import load_airframe
 
 @njit
 def fill_future(rows, i, step_ticks, out):
-    """True platform rows of episode i, `step_ticks` control steps apart, into `out` ((K, 8)); row 0 is now."""
+    """True board rows of episode i, `step_ticks` control steps apart, into `out` ((K, 8)); row 0 is now."""
     begin, last = int(rows.state[i, S_STEP]), rows.track.shape[1] - 1
     wanted = min(begin + (out.shape[0] - 1) * step_ticks, last)
     rows.state[i, S_FILLED] = extend_track(

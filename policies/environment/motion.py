@@ -8,6 +8,21 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion.board_motion import (
+    ACCEL_LIMIT,
+    ARC_RADIUS,
+    CHANGE_LENGTH,
+    CHANGE_TIME,
+    DAMPING,
+    PATH_KIND,
+    PATH_ROW,
+    RESPONSE,
+    SPEED_KIND,
+    SPEED_ROW,
+    A,
+    motion_reset,
+    motion_step,
+)
 from groundcar.motion.paths import (
     ARC,
     COS,
@@ -23,21 +38,6 @@ from groundcar.motion.paths import (
     TURN,
     P,
     path_lap,
-)
-from groundcar.motion.platform import (
-    ACCEL_LIMIT,
-    ARC_RADIUS,
-    CHANGE_LENGTH,
-    CHANGE_TIME,
-    DAMPING,
-    PATH_KIND,
-    PATH_ROW,
-    RESPONSE,
-    SPEED_KIND,
-    SPEED_ROW,
-    A,
-    motion_reset,
-    motion_step,
 )
 from groundcar.motion.speed_laws import (
     CONSTANT,
@@ -73,7 +73,7 @@ from policies.environment.config import (
 )
 
 BOARD_HEIGHT = 1.5  # m, paper
-MOTION_DIM = A + 8  # aux row of groundcar.motion.platform, then the platform row at the end of the track
+MOTION_DIM = A + 8  # aux row of groundcar.motion.board_motion, then the board row at the end of the track
 _KINDS = (SPLINE, LINE, RACETRACK, FIGURE8, ARC, STATIC)
 _SPEED_KINDS = (CONSTANT, OU, COSINE, SCHEDULED)
 _FIGURE8_SPEED = 2.4  # m/s: at its tips 1.8 rad/s, the most the car turns
@@ -134,7 +134,7 @@ def _draw_speed(law, row, speed, low, high, rng):
 @njit
 def motion_draw(motion, config, rng):
     """Draw an episode's motion into a motion row. Returns (desired speed m/s, family, law)."""
-    aux, platform = motion[:A], motion[A:]
+    aux, board = motion[:A], motion[A:]
     family = pick(config[C_FAMILY : C_FAMILY + 6], uniform(rng, 0.0, 1.0))
     law = pick(config[C_LAW : C_LAW + 4], uniform(rng, 0.0, 1.0))
     low, high = config[C_SPEED_LOW], config[C_SPEED_HIGH]
@@ -174,7 +174,7 @@ def motion_draw(motion, config, rng):
         inclination = uniform(rng, *_STEEP)
     elif frontier:
         inclination = uniform(rng, *_FLAT_INCLINATION) if flat else uniform(rng, *_STEEP_INCLINATION)
-    motion_reset(platform, aux, u, BOARD_HEIGHT, inclination, True)
+    motion_reset(board, aux, u, BOARD_HEIGHT, inclination, True)
     if math.isinf(aux[CHANGE_TIME]):  # else the change of path decides when the speed changes
         aux[SPEED_ROW + SWITCH] = switch
     return speed, family, law
@@ -183,8 +183,8 @@ def motion_draw(motion, config, rng):
 @njit
 def extend_track(motion, track, known, wanted, rng):
     """Step the motion on until `track` ((T, 8)) is known up to row `wanted`; row `known` is the last one known now."""
-    aux, platform = motion[:A], motion[A:]
+    aux, board = motion[:A], motion[A:]
     for k in range(known + 1, min(wanted, track.shape[0] - 1) + 1):
-        motion_step(platform, aux, TICK, rng)
-        track[k] = platform
+        motion_step(board, aux, TICK, rng)
+        track[k] = board
     return max(known, min(wanted, track.shape[0] - 1))

@@ -44,14 +44,14 @@ def true_gain(rows, i, shared):
 
 
 @njit
-def perceive(rows, i, shared, platform, latency):
+def perceive(rows, i, shared, board, latency):
     """The board as the policy is told of it, into `believed` and the history. Returns rho."""
     state = rows.state[i]
     rho = 1.0
     if shared.config[C_VISION] > 0.0:
-        rho = see(rows, i, shared, platform, latency)
+        rho = see(rows, i, shared, board, latency)
     else:
-        rows.believed[i] = platform
+        rows.believed[i] = board
         state[S_VISIBLE] = 1.0
     push_history(rows.believed[i], state[S_STEP] * TICK, rows.history[i])
     return rho

@@ -111,16 +111,16 @@ def _draw_vehicle(rows, i, shared):
 
 
 @njit
-def _place(rows, i, shared, platform, calm):
-    """Put the drone behind and above `platform` (paper's table "Initialization parameters"); `calm`: hovering level."""
+def _place(rows, i, shared, board, calm):
+    """Put the drone behind and above `board` (paper's table "Initialization parameters"); `calm`: hovering level."""
     c, rng, vehicle = shared.config, rows.rng[i], rows.vehicle[i]
     for k in range(ND):
         vehicle[k] = 0.0
     distance = uniform(rng, c[C_DISTANCE_LOW], c[C_DISTANCE_HIGH])
-    bearing = platform[3] + math.pi + uniform(rng, -c[C_AZIMUTH], c[C_AZIMUTH])
-    vehicle[P] = platform[0] + distance * math.cos(bearing)
-    vehicle[P + 1] = platform[1] + distance * math.sin(bearing)
-    vehicle[P + 2] = platform[2] + uniform(rng, c[C_HEIGHT_LOW], c[C_HEIGHT_HIGH])
+    bearing = board[3] + math.pi + uniform(rng, -c[C_AZIMUTH], c[C_AZIMUTH])
+    vehicle[P] = board[0] + distance * math.cos(bearing)
+    vehicle[P + 1] = board[1] + distance * math.sin(bearing)
+    vehicle[P + 2] = board[2] + uniform(rng, c[C_HEIGHT_LOW], c[C_HEIGHT_HIGH])
     scale = 0.0 if calm else 1.0
     yaw = bearing + math.pi + uniform(rng, -c[C_YAW0], c[C_YAW0])
     roll, pitch = scale * uniform(rng, -c[C_TILT0], c[C_TILT0]), scale * uniform(rng, -c[C_TILT0], c[C_TILT0])

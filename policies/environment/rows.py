@@ -46,7 +46,7 @@ E_STEPS, E_SEEN, E_RHO, E_RETURN, E_SPEED, E_INCLINATION, E_FAMILY, E_LAW, E_ERR
 ENDED_DIM = RESULT_DIM + 9
 
 # Slices of a scratch row.
-X_OBSERVED, X_Z, X_R, X_COMMAND, X_PLATFORM, X_Q, X_P, X_V, X_SIGMA = 0, 10, 15, 20, 24, 32, 36, 39, 42
+X_OBSERVED, X_Z, X_R, X_COMMAND, X_BOARD, X_Q, X_P, X_V, X_SIGMA = 0, 10, 15, 20, 24, 32, 36, 39, 42
 SCRATCH_DIM = 48
 
 
@@ -57,14 +57,14 @@ class Rows(NamedTuple):
     params: np.ndarray  # (N, NP)
     order: np.ndarray  # (N, ORDER_DIM) what the vehicle is asked in this step
     motion: np.ndarray  # (N, MOTION_DIM) where the board's motion stands, at the end of the track
-    track: np.ndarray  # (N, T, 8) true platform rows, step by step since the reset, known to S_FILLED
+    track: np.ndarray  # (N, T, 8) true board rows, step by step since the reset, known to S_FILLED
     belief: np.ndarray  # (N, BELIEF_DIM)
     history: np.ndarray  # (N, history_dim)
     camera: np.ndarray  # (N, CAM_DIM)
     gain: np.ndarray  # (N, GAIN_DIM)
     state: np.ndarray  # (N, S_DIM)
     rng: np.ndarray  # (N, 1) uint64
-    believed: np.ndarray  # (N, 8) platform row that the policy is shown
+    believed: np.ndarray  # (N, 8) board row that the policy is shown
     scratch: np.ndarray  # (N, SCRATCH_DIM)
     result: np.ndarray  # (N, RESULT_DIM)
     ended: np.ndarray  # (N, ENDED_DIM) of the last episode that ended in this row

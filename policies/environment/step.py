@@ -39,8 +39,8 @@ from policies.environment.rows import (
     S_SPEED,
     S_STEP,
     S_VISIBLE,
+    X_BOARD,
     X_COMMAND,
-    X_PLATFORM,
 )
 from policies.environment.vision import latency_now
 from policies.estimation.board_ekf import B_T
@@ -67,13 +67,13 @@ def _order(rows, i, shared, action):
 
 
 @njit
-def _active(rows, i, shared, platform, now):
+def _active(rows, i, shared, board, now):
     """Active-perception terms of row i (paper Sec. "Active Perception Rewards")."""
     vehicle, state = rows.vehicle[i], rows.state[i]
     q = vehicle[Q : Q + 4]
     cx, cy, cz = camera_position(vehicle[P : P + 3], q, rows.camera[i])
     ax, ay, az = optical_axis(q, rows.camera[i])
-    dx, dy, dz = platform[0] - cx, platform[1] - cy, platform[2] - cz
+    dx, dy, dz = board[0] - cx, board[1] - cy, board[2] - cz
     cosine = (dx * ax + dy * ay + dz * az) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-6)
 
     active_perception(state[S_ERROR], cosine, now - rows.belief[i, B_T], shared.weights, rows.terms[i])
@@ -86,19 +86,19 @@ def _follow(rows, i, shared, action):
     state[S_STEP] += 1.0
     step = int(state[S_STEP])
     state[S_FILLED] = extend_track(rows.motion[i], rows.track[i], int(state[S_FILLED]), step, rows.rng[i])
-    platform = x[X_PLATFORM : X_PLATFORM + 8]
-    platform[:] = rows.track[i, step]
+    board = x[X_BOARD : X_BOARD + 8]
+    board[:] = rows.track[i, step]
     elapsed = (state[S_STEP] - state[S_BEGIN]) * TICK
     p, v, q, w = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4], vehicle[W : W + 3]
-    outcome = evaluate(p, v, q, w, platform, elapsed, shared.rules, rows.result[i])
-    rho = perceive(rows, i, shared, platform, latency_now(rows, i))
+    outcome = evaluate(p, v, q, w, board, elapsed, shared.rules, rows.result[i])
+    rho = perceive(rows, i, shared, board, latency_now(rows, i))
     terms, weights = rows.terms[i], shared.weights
     clipped = x[0:4]
     for k in range(4):
         clipped[k] = min(1.0, max(-1.0, action[k]))
-    shaping(p, v, q, w, platform, clipped, state[S_ACTION : S_ACTION + 4], weights, terms)
+    shaping(p, v, q, w, board, clipped, state[S_ACTION : S_ACTION + 4], weights, terms)
     if c[C_VISION] > 0.0:
-        _active(rows, i, shared, platform, state[S_STEP] * TICK)
+        _active(rows, i, shared, board, state[S_STEP] * TICK)
     terminal(rows.result[i], shared.rules, weights, terms)
     reward = total(terms)
     rows.reward[i] = reward
@@ -111,18 +111,18 @@ def _follow(rows, i, shared, action):
         observe(rows, i, shared, rho)
         return
     rows.done[i] = 1
-    _close(rows, i, platform)
+    _close(rows, i, board)
     reset_row(rows, i, shared)
 
 
 @njit
-def _close(rows, i, platform):
+def _close(rows, i, board):
     """Keep what is to be known of the episode that ends."""
     state, ended = rows.state[i], rows.ended[i]
     steps = state[S_STEP] - state[S_BEGIN]
     ended[:RESULT_DIM] = rows.result[i]
     ended[E_STEPS], ended[E_SEEN], ended[E_RHO] = steps, state[S_SEEN] / steps, state[S_RHO] / steps
-    ended[E_RETURN], ended[E_SPEED], ended[E_INCLINATION] = state[S_RETURN], state[S_SPEED], platform[6]
+    ended[E_RETURN], ended[E_SPEED], ended[E_INCLINATION] = state[S_RETURN], state[S_SPEED], board[6]
     ended[E_FAMILY], ended[E_LAW], ended[E_ERROR] = state[S_FAMILY], state[S_LAW], state[S_ERROR]
 
 

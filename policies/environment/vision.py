@@ -32,23 +32,23 @@ from policies.environment.rows import (
 from policies.estimation.board_ekf import belief_predict, belief_update, measurement_from_pose
 from policies.estimation.ctrv import wrap
 from vehicle.camera.noise import ODOMETRY_SIGMA, POINTING_SIGMA, observe_board
-from vehicle.camera.pinhole import optical_axis, platform_visibility
+from vehicle.camera.pinhole import board_row_visibility, optical_axis
 from vehicle.quadrotor.dynamics import P, Q, V
 
 _JITTER = 0.003  # s, half-width of the detector's latency within an episode
 
 
 @njit
-def look(rows, i, shared, platform):
+def look(rows, i, shared, board):
     """Note whether the board is in view now."""
     vehicle = rows.vehicle[i]
-    seen = platform_visibility(vehicle[P : P + 3], vehicle[Q : Q + 4], platform, rows.camera[i])
+    seen = board_row_visibility(vehicle[P : P + 3], vehicle[Q : Q + 4], board, rows.camera[i])
     rows.state[i, S_VISIBLE] = seen
     return seen
 
 
 @njit
-def expose(rows, i, shared, platform, now, latency):
+def expose(rows, i, shared, board, now, latency):
     """Take a picture if one is due; a board in view joins the queue of detections, to arrive after `latency`."""
     state, vehicle, x = rows.state[i], rows.vehicle[i], rows.scratch[i]
     if now < state[S_EXPOSURE] - 1e-9:
@@ -57,13 +57,13 @@ def expose(rows, i, shared, platform, now, latency):
     if state[S_VISIBLE] == 0.0 or state[S_PENDING] >= QUEUE:
         return
     observed, q, v = x[X_OBSERVED : X_OBSERVED + 10], x[X_Q : X_Q + 4], x[X_V : X_V + 3]
-    q[0], q[1], q[2], q[3] = board_quaternion(platform)
-    v[0], v[1], v[2] = board_velocity(platform)
+    q[0], q[1], q[2], q[3] = board_quaternion(board)
+    v[0], v[1], v[2] = board_velocity(board)
     observe_board(
         vehicle[P : P + 3],
         vehicle[Q : Q + 4],
         vehicle[V : V + 3],
-        platform[0:3],
+        board[0:3],
         q,
         v,
         rows.camera[i],
@@ -76,7 +76,7 @@ def expose(rows, i, shared, platform, now, latency):
     sigma = x[X_SIGMA : X_SIGMA + 3]
     axis = optical_axis(vehicle[Q : Q + 4], rows.camera[i])
     lateral, depth = observed[7] * observed[7], observed[8] * observed[8]
-    dx, dy, dz = platform[0] - vehicle[P], platform[1] - vehicle[P + 1], platform[2] - vehicle[P + 2]
+    dx, dy, dz = board[0] - vehicle[P], board[1] - vehicle[P + 1], board[2] - vehicle[P + 2]
     floor = ODOMETRY_SIGMA**2 + POINTING_SIGMA**2 * (dx * dx + dy * dy + dz * dz)
     for k in range(3):
         sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k] + floor)
@@ -121,16 +121,16 @@ def raw_estimate(state, out):
 
 
 @njit
-def see(rows, i, shared, platform, latency):
+def see(rows, i, shared, board, latency):
     """One step of perception: look, expose, deliver, predict. Writes the believed row and returns the policy's rho."""
     state = rows.state[i]
     now = state[S_STEP] * TICK
-    look(rows, i, shared, platform)
-    expose(rows, i, shared, platform, now, latency)
+    look(rows, i, shared, board)
+    expose(rows, i, shared, board, now, latency)
     deliver(rows, i, shared, now)
     believed = rows.believed[i]
     rho = belief_predict(rows.belief[i], now, shared.belief, believed)
-    dx, dy, dz = believed[0] - platform[0], believed[1] - platform[1], believed[2] - platform[2]
+    dx, dy, dz = believed[0] - board[0], believed[1] - board[1], believed[2] - board[2]
     state[S_ERROR] = math.sqrt(dx * dx + dy * dy + dz * dz)
     if shared.config[C_AUGMENTATION] == 0.0:
         raw_estimate(state, believed)

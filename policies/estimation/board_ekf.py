@@ -222,7 +222,7 @@ def belief_rho(row, t, params):
 
 @njit
 def belief_predict(row, t, params, out):
-    """Predict to time `t` (s) into a platform row `out` ((8,)): [x, y, z, heading, speed, turn_rate, inclination, 0].
+    """Predict to time `t` (s) into a board row `out` ((8,)): [x, y, z, heading, speed, turn_rate, inclination, 0].
 
     While nothing is seen the turn rate decays, unlike the paper's (`BeliefParams`). Returns rho. Before the first
     measurement `out` is all zero and rho 0.

@@ -60,10 +60,10 @@ class OnnxPolicy:
         self._engaged = self._engaged or board.valid
         if not self._engaged:
             return Command(False, (0.0, 0.0, 0.0), GRAVITY, "hold", gain)
-        platform = np.array(
+        board_row = np.array(
             [*board.position, board.heading, board.speed, board.turn_rate, board.inclination, 0.0], dtype=np.float64
         )
-        self._builder.push(now_ns, platform, between)
+        self._builder.push(now_ns, board_row, between)
         drag = self._gain[G_DRAG]
         observation = self._builder.build(
             now_ns, position, velocity, orientation, board.rho, self._action, gain, drag, board.surface_sigma

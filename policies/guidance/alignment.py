@@ -31,15 +31,15 @@ BANK, BANK_FROM, BANK_MOST = 0.4, 0.18, 0.04  # share of the bank that a turn ta
 
 
 @njit
-def wanted_axis(platform, left, lean):
+def wanted_axis(board, left, lean):
     """Where body z is wanted in `left` s (3 floats, not normalised): on the normal of then, but for lean and bank.
 
-    `platform` (8,) the board now; `lean` rad up a vertical slope, less up others.
+    `board` (8,) the board now; `lean` rad up a vertical slope, less up others.
     """
-    nx, ny, nz = board_normal(platform)
-    c, s, sine = math.cos(platform[3]), math.sin(platform[3]), math.sin(platform[6])
-    turn, lean = platform[5] * left, lean * sine
-    pull = platform[4] * platform[5] / GRAVITY
+    nx, ny, nz = board_normal(board)
+    c, s, sine = math.cos(board[3]), math.sin(board[3]), math.sin(board[6])
+    turn, lean = board[5] * left, lean * sine
+    pull = board[4] * board[5] / GRAVITY
     bank = math.copysign(min(BANK_MOST, BANK * max(0.0, abs(pull) - BANK_FROM)), pull)
     wx = nx - turn * ny + lean * nz * c - bank * s
     wy = ny + turn * nx + lean * nz * s + bank * c
@@ -47,22 +47,22 @@ def wanted_axis(platform, left, lean):
 
 
 @njit
-def touch_rates(p, v, q, platform, before, sigma, lean, below, radius, limit, out):
+def touch_rates(p, v, q, board, before, sigma, lean, below, radius, limit, out):
     """Correct the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust) for an aligned contact.
 
-    `p`, `v` (3,) world, `q` (4,) world from body; `platform` (8,) the board now; `before` (2,) rates asked a step
+    `p`, `v` (3,) world, `q` (4,) world from body; `board` (8,) the board now; `before` (2,) rates asked a step
     earlier, rad/s; `sigma` m of the board's surface along its normal; `lean`: rad that the wanted axis leans up a
     vertical slope, less up others; `below`, `radius` the disc of the contact criterion, m; `limit` of the rates, rad/s.
     """
     zx, zy, zz = body_z(q)
-    height, closing, cosine, beside = approach(p, v, zx, zy, zz, platform, below, radius)
+    height, closing, cosine, beside = approach(p, v, zx, zy, zz, board, below, radius)
     if closing < SLOWEST or cosine < FACING or beside > BESIDE * BESIDE:
         return
     left = (height - min(MOST, UNSURE * sigma)) / closing
     if left > FROM:
         return
     left = max(0.0, left)
-    wx, wy, wz = wanted_axis(platform, left, lean)
+    wx, wy, wz = wanted_axis(board, left, lean)
     off = rotate_back(q, zy * wz - zz * wy, zz * wx - zx * wz, zx * wy - zy * wx)
     span = max(SHORTEST, left - LAG)
     for axis in range(2):

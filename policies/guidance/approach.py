@@ -9,18 +9,18 @@ from kernel.jit import njit
 
 
 @njit
-def approach(p, v, zx, zy, zz, platform, below, radius):
+def approach(p, v, zx, zy, zz, board, below, radius):
     """How the underside's disc nears the board: height of its lowest point over the board's plane (m), closing speed of
     the drone's centre (m/s), cosine between body z and normal, squared distance of the centre from the normal (m^2).
 
     `below`, `radius`: the disc of the contact criterion, m; `p`, `v` (3,) world;
-    (zx, zy, zz) body z; `platform` (8,) the board now.
+    (zx, zy, zz) body z; `board` (8,) the board now.
     """
-    nx, ny, nz = board_normal(platform)
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
+    nx, ny, nz = board_normal(board)
+    c, s = math.cos(board[3]), math.sin(board[3])
+    dx, dy, dz = p[0] - board[0], p[1] - board[1], p[2] - board[2]
     cosine = nx * zx + ny * zy + nz * zz
     sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
     centre = nx * dx + ny * dy + nz * dz
-    closing = -(nx * (v[0] - platform[4] * c) + ny * (v[1] - platform[4] * s) + nz * v[2])
+    closing = -(nx * (v[0] - board[4] * c) + ny * (v[1] - board[4] * s) + nz * v[2])
     return centre - below * cosine - radius * sine, closing, cosine, dx * dx + dy * dy + dz * dz - centre * centre

@@ -26,24 +26,24 @@ CLOSING = 0.5  # m/s towards the board at least
 
 
 @njit
-def late_flare(p, v, q, platform, before, strongest, lean, below, radius, limit, out):
+def late_flare(p, v, q, board, before, strongest, lean, below, radius, limit, out):
     """Raise the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust) if it is the last moment for it.
 
     Arguments as of `touch_attitude.touch_rates`; `strongest`: the most thrust that the drone really gives, m/s^2.
     """
     zx, zy, zz = body_z(q)
-    centre, closing, cosine, aside = approach(p, v, zx, zy, zz, platform, 0.0, 0.0)
-    height = centre - below - radius * lean * math.sin(platform[6])  # the disc's, once it is aligned
+    centre, closing, cosine, aside = approach(p, v, zx, zy, zz, board, 0.0, 0.0)
+    height = centre - below - radius * lean * math.sin(board[6])  # the disc's, once it is aligned
     if height <= 0.0 or closing < CLOSING or cosine < 0.0 or aside > ASIDE * ASIDE:
         return
-    brake = 0.5 * strongest * (1.0 + cosine) - GRAVITY * math.cos(platform[6])
+    brake = 0.5 * strongest * (1.0 + cosine) - GRAVITY * math.cos(board[6])
     stopping = closing * closing - 2.0 * brake * height
     if stopping <= 0.0:
         return
     left = 2.0 * height / (closing + math.sqrt(stopping))
     if left > WITHIN:
         return
-    wx, wy, wz = wanted_axis(platform, left, lean)
+    wx, wy, wz = wanted_axis(board, left, lean)
     ox, oy, oz = zy * wz - zz * wy, zz * wx - zx * wz, zx * wy - zy * wx
     sine = math.sqrt(ox * ox + oy * oy + oz * oz)
     scale = math.atan2(sine, zx * wx + zy * wy + zz * wz) / max(sine, 1e-6)

@@ -40,23 +40,23 @@ def _cost(height, speed, away, sideways, along, left, wanted, params):
 
 
 @njit
-def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given, gain, sigma, params):
+def touch_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, gain, sigma, params):
     """Thrust (m/s^2) whose contact is the best that thrust can still reach.
 
-    `p`, `v` (3,) world; (zx, zy, zz) body z; `platform` (8,) the board now, `acceleration` its own along its heading,
+    `p`, `v` (3,) world; (zx, zy, zz) body z; `board` (8,) the board now, `acceleration` its own along its heading,
     m/s^2; `left` s to the planned contact; `planned`: the plan's thrust, which counts while body z is far from the
     normal; `given`: thrust that the motors give now; `gain`: achieved over asked thrust; `sigma` m of the board's
     surface along its normal: a thrust is judged by where the surface is believed to be, half, and by where else it may
     be. Motors lag: until they have followed, the old thrust goes on acting, which is taken off the speeds at once.
     """
-    height, closing, cosine, _ = approach(p, v, zx, zy, zz, platform, params[pp.ROBOT_L], params[pp.ROBOT_R])
+    height, closing, cosine, _ = approach(p, v, zx, zy, zz, board, params[pp.ROBOT_L], params[pp.ROBOT_R])
     share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
     if share <= 0.0:
         return planned
-    nx, ny, nz = board_normal(platform)
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    ux, uy, uz = nz * c, nz * s, math.sin(platform[6])  # up the slope
-    wx, wy, wz = v[0] - platform[4] * c, v[1] - platform[4] * s, v[2]
+    nx, ny, nz = board_normal(board)
+    c, s = math.cos(board[3]), math.sin(board[3])
+    ux, uy, uz = nz * c, nz * s, math.sin(board[6])  # up the slope
+    wx, wy, wz = v[0] - board[4] * c, v[1] - board[4] * s, v[2]
     along = ux * wx + uy * wy + uz * wz
     g, drag = params[pp.GRAVITY], params[pp.DRAG]
     # Relative to the board and without thrust, along normal and slope; body z is taken to arrive on the normal.
@@ -65,7 +65,7 @@ def touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, planned, given,
     lean = 0.5 * (ux * zx + uy * zy + uz * zz)
     lift = 0.5 * (1.0 + cosine)
     least, best = math.inf, planned
-    wanted = params[pp.TOUCH_SPEED] + params[pp.TOUCH_STEEP] * math.sin(platform[6])
+    wanted = params[pp.TOUCH_SPEED] + params[pp.TOUCH_STEEP] * math.sin(board[6])
     low, high = params[pp.THRUST_MIN] * gain, params[pp.THRUST_MAX] * gain
     lag, spread = params[pp.TOUCH_LAG], params[pp.TOUCH_UNSURE] * sigma
     for k in range(_CHOICES):

@@ -30,9 +30,9 @@ def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params
 
 
 @njit
-def face(q, p, platform, params):
+def face(q, p, board, params):
     """Yaw rate (rad/s) that turns the camera to the board; 0 when too near for a bearing."""
-    dx, dy = platform[0] - p[0], platform[1] - p[1]
+    dx, dy = board[0] - p[0], board[1] - p[1]
     near = math.sqrt(dx * dx + dy * dy) / max(params[pp.YAW_NEAR], 1e-6) - 1.0
     if near <= 0.0:
         return 0.0
@@ -50,13 +50,13 @@ def hold(q, v, climb, gain, params, out):
 
 
 @njit
-def keep_in_view(ax, ay, p, platform, params):
+def keep_in_view(ax, ay, p, board, params):
     """A horizontal acceleration (2 floats) whose part along the bearing of the board keeps the board in the picture.
 
     Accelerating towards the board pitches the camera down, away from it the camera up: each by no more than the board's
     depression leaves room for, and by no less than _PITCH_LEAST.
     """
-    dx, dy, dz = platform[0] - p[0], platform[1] - p[1], p[2] - platform[2]
+    dx, dy, dz = board[0] - p[0], board[1] - p[1], p[2] - board[2]
     level = max(1e-3, math.sqrt(dx * dx + dy * dy))
     dx, dy = dx / level, dy / level
     below, room = math.atan2(dz, level), params[pp.CAMERA_HALF_FOV] - _PITCH_MARGIN
@@ -69,37 +69,37 @@ def keep_in_view(ax, ay, p, platform, params):
 
 
 @njit
-def follow(p, v, q, platform, extra, gain, params, out):
+def follow(p, v, q, board, extra, gain, params, out):
     """Fly to the standoff behind and above the board and match its motion; `extra` m is added to the distance."""
-    steep = min(1.0, max(0.0, platform[6] / _STEEP))
+    steep = min(1.0, max(0.0, board[6] / _STEEP))
     away = params[pp.STANDOFF_FLAT] + steep * (params[pp.STANDOFF] - params[pp.STANDOFF_FLAT]) + extra
     up = params[pp.ELEVATION_FLAT] + steep * (params[pp.ELEVATION] - params[pp.ELEVATION_FLAT])
-    c, s = math.cos(platform[3]), math.sin(platform[3])
+    c, s = math.cos(board[3]), math.sin(board[3])
     back = away * math.cos(up)
-    speed, turn = platform[4], platform[5]
+    speed, turn = board[4], board[5]
     # The standoff is fixed to the board, so it swings out when the board turns.
     wx, wy = speed * c + turn * back * s, speed * s - turn * back * c
-    ex, ey = platform[0] - back * c - p[0], platform[1] - back * s - p[1]
-    ez = platform[2] + away * math.sin(up) - p[2]
+    ex, ey = board[0] - back * c - p[0], board[1] - back * s - p[1]
+    ez = board[2] + away * math.sin(up) - p[2]
     kp = params[pp.FOLLOW_KP]
     gap = math.sqrt(ex * ex + ey * ey)
     slow = min(1.0, params[pp.FOLLOW_SPEED] / max(kp * gap, 1e-6))
     ux, uy, uz = wx + kp * slow * ex, wy + kp * slow * ey, min(1.5, max(-1.5, kp * ez))
     kv = params[pp.FOLLOW_KV]
     ax, ay = kv * (ux - v[0]) - turn * speed * s, kv * (uy - v[1]) + turn * speed * c
-    ax, ay = keep_in_view(ax, ay, p, platform, params)
+    ax, ay = keep_in_view(ax, ay, p, board, params)
     tilt = params[pp.FOLLOW_TILT]
-    yaw_rate = face(q, p, platform, params) + turn
+    yaw_rate = face(q, p, board, params) + turn
     command_acceleration(q, v[0], v[1], v[2], ax, ay, kv * (uz - v[2]), yaw_rate, tilt, gain, params, out)
 
 
 @njit
-def climb_away(p, v, q, platform, gain, params, out):
+def climb_away(p, v, q, board, gain, params, out):
     """Leave the board upward and backward after a missed contact."""
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    vx, vy = platform[4] * c - 1.2 * c, platform[4] * s - 1.2 * s
+    c, s = math.cos(board[3]), math.sin(board[3])
+    vx, vy = board[4] * c - 1.2 * c, board[4] * s - 1.2 * s
     k = 3.0
-    yaw_rate = face(q, p, platform, params)
+    yaw_rate = face(q, p, board, params)
     command_acceleration(
         q, v[0], v[1], v[2], k * (vx - v[0]), k * (vy - v[1]), k * (1.2 - v[2]), yaw_rate, 0.6, gain, params, out,
         _RESCUE,

@@ -66,19 +66,19 @@ def glide_reference(away, sink):
 
 
 @njit
-def glide(p, v, q, platform, acceleration, age, gain, params, out):
+def glide(p, v, q, board, acceleration, age, gain, params, out):
     """Fly the glide; fills `out` (4,). Returns True if the board was missed: it is behind the drone, or over it.
 
-    `p`, `v` (3,) world, `q` (4,) world from body; `platform` (8,) the board now, `acceleration` m/s^2 its own along its
+    `p`, `v` (3,) world, `q` (4,) world from body; `board` (8,) the board now, `acceleration` m/s^2 its own along its
     heading, `age` s since the last detection.
     """
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    speed, turn = platform[4], platform[5]
+    c, s = math.cos(board[3]), math.sin(board[3])
+    speed, turn = board[4], board[5]
     # The board's own acceleration is asked for along its heading of when the drone will have it.
-    then = platform[3] + _AHEAD * turn
+    then = board[3] + _AHEAD * turn
     bx = acceleration * math.cos(then) - turn * speed * math.sin(then)
     by = acceleration * math.sin(then) + turn * speed * math.cos(then)
-    dx, dy = platform[0] - p[0], platform[1] - p[1]
+    dx, dy = board[0] - p[0], board[1] - p[1]
     distance = math.sqrt(dx * dx + dy * dy)
     behind = min(1.0, max(0.0, (_BEARING - distance) / (_BEARING - _BEHIND)))
     sight = (1.0 - behind) / max(distance, 1e-6)
@@ -88,7 +88,7 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
         ux, uy, norm = c, s, 1.0
     ux, uy = ux / norm, uy / norm
     away, side = dx * ux + dy * uy, dy * ux - dx * uy
-    height = p[2] - platform[2] - params[pp.ROBOT_L]
+    height = p[2] - board[2] - params[pp.ROBOT_L]
     falling = glide_sink(params[pp.DRAG], turn, age)
     closing, sink, wanted, left = glide_reference(away, falling)
     brake = _BRAKE if left > 0.0 and closing < _FASTEST else 0.0
@@ -114,7 +114,7 @@ def glide(p, v, q, platform, acceleration, age, gain, params, out):
     if away < _PRESS_AWAY and abs(side) < _PRESS_SIDE:
         fall = min(fall, -_PRESS)
     if distance > _VIEW:
-        ax, ay = keep_in_view(ax, ay, p, platform, params)
+        ax, ay = keep_in_view(ax, ay, p, board, params)
     yaw_rate = 0.0
     if distance > _TURN:
         yaw_rate = _YAW_K * yaw_error(q, dx, dy) * min(1.0, distance / _VIEW)

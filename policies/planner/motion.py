@@ -17,11 +17,11 @@ _C = poly.COEFFICIENTS
 
 
 @njit
-def fly_motion(m, since, duration, left, p, v, q, platform, acceleration, gain, given, before, sigma, params, out):
+def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, given, before, sigma, params, out):
     """Fill `out` (4,): body rate FLU (rad/s), collective thrust (m/s^2).
 
     `m` (MOTION_DIM,): the motion, begun `since` s ago; it ends at contact after `duration` s, in `left` s. `p`, `v`
-    (3,) world, `q` (4,) world from body; `platform` (8,) the board now, `acceleration` m/s^2 its own along its heading;
+    (3,) world, `q` (4,) world from body; `board` (8,) the board now, `acceleration` m/s^2 its own along its heading;
     `gain` achieved over asked thrust, `given` m/s^2 the thrust that the motors give now; `before` (2,) rates asked
     last, rad/s; `sigma` m of the board's surface along its normal.
     """
@@ -51,11 +51,11 @@ def fly_motion(m, since, duration, left, p, v, q, platform, acceleration, gain, 
         sz += poly.acceleration(m, 2 * _C, soon)
     zx, zy, zz = body_z(q)
     thrust = sx * zx + sy * zy + sz * zz
-    yaw_rate = face(q, p, platform, params) if left > 0.5 else 0.0
+    yaw_rate = face(q, p, board, params) if left > 0.5 else 0.0
     if left < params[pp.TOUCH_FROM]:
-        thrust = touch_thrust(p, v, zx, zy, zz, platform, acceleration, left, thrust, given, gain, sigma, params)
+        thrust = touch_thrust(p, v, zx, zy, zz, board, acceleration, left, thrust, given, gain, sigma, params)
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
     below, radius = params[pp.ROBOT_L], params[pp.ROBOT_R]
     lean, limit = params[pp.TOUCH_LEAN], params[pp.RATE_MAX]
-    touch_rates(p, v, q, platform, before, sigma, lean, below, radius, limit, out)
-    late_flare(p, v, q, platform, before, gain * params[pp.THRUST_MAX], lean, below, radius, limit, out)
+    touch_rates(p, v, q, board, before, sigma, lean, below, radius, limit, out)
+    late_flare(p, v, q, board, before, gain * params[pp.THRUST_MAX], lean, below, radius, limit, out)

@@ -1,6 +1,6 @@
 """The model-based perching policy: watches, follows, commits to a planned perch, replans it, flies it, or goes around.
 
-It plans on `future` rows only ((K, 8) platform rows, see prediction.py): fed by the belief it is a policy that can fly,
+It plans on `future` rows only ((K, 8) board rows, see prediction.py): fed by the belief it is a policy that can fly,
 fed by the true motion it is the teacher with perfect foresight. One planner is one float64 row ((PLANNER_DIM,)).
 """
 
@@ -42,14 +42,14 @@ S_GAIN = S_ASKED + 4
 S_MOTION = S_GAIN + GAIN_DIM
 S_BEST, S_TRY = S_MOTION + MOTION_DIM, S_MOTION + 2 * MOTION_DIM
 S_START = S_MOTION + 3 * MOTION_DIM
-S_PLATFORM = S_START + 9
-S_HISTORY = S_PLATFORM + 8
+S_BOARD = S_START + 9
+S_HISTORY = S_BOARD + 8
 S_FIT = S_HISTORY + HISTORY_DIM
 S_TARGET = S_FIT + FIT_DIM
 S_OWN = S_TARGET + 8  # the parameters, with the drag that was found and the impact speed for this belief
 PLANNER_DIM = S_OWN + pp.COUNT
 
-# Indices of an estimate row: what the planner asks about the platform it is given.
+# Indices of an estimate row: what the planner asks about the board it is given.
 E_VALID, E_SIGMA, E_SPEED_SIGMA, E_AGE, E_STREAK, E_SURPRISE, E_SURFACE = 0, 1, 2, 3, 4, 5, 6
 ESTIMATE_DIM = 7
 
@@ -79,7 +79,7 @@ def planner_due(state, t):
 
 @njit
 def certain(estimate):
-    """Fill an estimate row for a platform that is known exactly."""
+    """Fill an estimate row for a board that is known exactly."""
     estimate[E_VALID], estimate[E_SIGMA], estimate[E_SPEED_SIGMA], estimate[E_AGE], estimate[E_STREAK] = 1, 0, 0, 0, 1e9
     estimate[E_SURPRISE], estimate[E_SURFACE] = 0, 0
 
@@ -114,11 +114,11 @@ def _plan(state, t, p, v, q, future, step, shortest, longest, durations, remaini
     """Search, and take the plan over if it costs less than `most`. Returns True if it did."""
     _start_here(state, p, v, q, params)
     best, scratch = state[S_BEST : S_BEST + MOTION_DIM], state[S_TRY : S_TRY + MOTION_DIM]
-    start, platform = state[S_START : S_START + 9], state[S_PLATFORM : S_PLATFORM + 8]
+    start, board = state[S_START : S_START + 9], state[S_BOARD : S_BOARD + 8]
     target = state[S_TARGET : S_TARGET + 8]
     gain = state[S_GAIN + G_GAIN]
     cost, duration, thrust = search(
-        start, future, step, 0.0, gain, shortest, longest, durations, remaining, params, best, scratch, target, platform
+        start, future, step, 0.0, gain, shortest, longest, durations, remaining, params, best, scratch, target, board
     )
     state[S_COST] = cost
     state[S_PLANS] += 1.0
@@ -164,7 +164,7 @@ def _leave(state, t, params):
 
 
 @njit
-def _decide(state, t, p, v, q, platform, estimate, future, step, params):
+def _decide(state, t, p, v, q, board, estimate, future, step, params):
     """Move between the phases; plans when due."""
     phase = state[S_PHASE]
     if phase == HOLD and estimate[E_VALID] > 0.0:
@@ -176,12 +176,12 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
     if phase in (FOLLOW, GLIDE) and estimate[E_VALID] <= 0.0:
         phase = HOLD
     # What is known exactly need not be seen.
-    if phase == FOLLOW and abs(platform[6]) < params[pp.GLIDE_INCLINATION] and estimate[E_SIGMA] > 0.0:
+    if phase == FOLLOW and abs(board[6]) < params[pp.GLIDE_INCLINATION] and estimate[E_SIGMA] > 0.0:
         phase = GLIDE
-    if phase == GLIDE and abs(platform[6]) > params[pp.GLIDE_INCLINATION] + _WAVER:
+    if phase == GLIDE and abs(board[6]) > params[pp.GLIDE_INCLINATION] + _WAVER:
         phase = FOLLOW
     left = state[S_CONTACT] - t
-    if phase == COMMIT and left < _frozen(platform[6], params):
+    if phase == COMMIT and left < _frozen(board[6], params):
         phase = TERMINAL
     if phase == TERMINAL and left < -params[pp.MISS_AFTER]:
         phase = _leave(state, t, params)
@@ -200,22 +200,22 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
         elif phase == RUN_UP:
             gate = state[S_GATE] - t
             if gate < params[pp.RUN_COMMIT]:
-                flare = flare_gate(platform[6], params)[4]
+                flare = flare_gate(board[6], params)[4]
                 low, high = max(0.3, gate + flare - 0.1), gate + flare + 0.4
                 if _plan(state, t, p, v, q, future, step, low, high, _FEW, 0.0, params[pp.RUN_COST], params):
                     phase = COMMIT
-        elif phase == FOLLOW and runs_up(platform, params):
-            straight = abs(platform[5]) < params[pp.RUN_TURN] * _slack(state, t, params)
+        elif phase == FOLLOW and runs_up(board, params):
+            straight = abs(board[5]) < params[pp.RUN_TURN] * _slack(state, t, params)
             near = state[S_AWAY] < params[pp.RUN_AWAY] * _slack(state, t, params)
             share = params[pp.RUN_SWING] * _slack(state, t, params)
             history = state[S_HISTORY : S_HISTORY + HISTORY_DIM]
-            slow = met_slow(future, step, platform[6], share, history, params)
-            if near and straight and slow and _ready(state, t, estimate, platform[6], params):
+            slow = met_slow(future, step, board[6], share, history, params)
+            if near and straight and slow and _ready(state, t, estimate, board[6], params):
                 phase = RUN_UP
-                state[S_GATE] = t + runup_time(platform[6], params)
+                state[S_GATE] = t + runup_time(board[6], params)
         elif (
             phase == FOLLOW
-            and _ready(state, t, estimate, platform[6], params)
+            and _ready(state, t, estimate, board[6], params)
             and _plan(
                 state,
                 t,
@@ -228,7 +228,7 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
                 params[pp.T_MAX],
                 _MANY,
                 0.0,
-                params[pp.COMMIT_COST] / math.cos(min(1.3, platform[6])),
+                params[pp.COMMIT_COST] / math.cos(min(1.3, board[6])),
                 params,
             )
         ):
@@ -237,32 +237,32 @@ def _decide(state, t, p, v, q, platform, estimate, future, step, params):
 
 
 @njit
-def _glide(state, t, p, v, q, platform, estimate, params, out):
+def _glide(state, t, p, v, q, board, estimate, params, out):
     """Fly the way down in sight; a miss is climbed away from."""
     gain, before = state[S_GAIN + G_GAIN], state[S_ASKED : S_ASKED + 2]
     age, sigma = estimate[E_AGE], estimate[E_SURFACE]
-    if glide(p, v, q, platform, state[S_ACCELERATION], age, gain, params, out):
+    if glide(p, v, q, board, state[S_ACCELERATION], age, gain, params, out):
         state[S_PHASE] = _leave(state, t, params)
         state[S_MISSES] += 1.0
     lean, below, radius = params[pp.TOUCH_LEAN], params[pp.ROBOT_L], params[pp.ROBOT_R]
-    touch_rates(p, v, q, platform, before, sigma, lean, below, radius, params[pp.RATE_MAX], out)
+    touch_rates(p, v, q, board, before, sigma, lean, below, radius, params[pp.RATE_MAX], out)
 
 
 @njit
-def planner_step(state, t, p, v, q, platform, estimate, future, step, params, out):
+def planner_step(state, t, p, v, q, board, estimate, future, step, params, out):
     """One control tick of one vehicle. Returns the phase (HOLD: not engaged, the command is a hover).
 
-    `t` s; `p`, `v` (3,) world, `q` (4,) world from body: the vehicle's own estimate; `platform` (8,) the board now;
+    `t` s; `p`, `v` (3,) world, `q` (4,) world from body: the vehicle's own estimate; `board` (8,) the board now;
     `estimate` (ESTIMATE_DIM,); `future` (K, 8) at `step` s, whose first row is now: read only if `planner_due`;
     `params` row of PlannerParams; `out` (4,): body rate FLU (rad/s), collective thrust (m/s^2).
     """
-    if runs_up(platform, params):
+    if runs_up(board, params):
         params = params[pp.COUNT :]
-    return _step(state, t, p, v, q, platform, estimate, future, step, params, out)
+    return _step(state, t, p, v, q, board, estimate, future, step, params, out)
 
 
 @njit
-def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
+def _step(state, t, p, v, q, board, estimate, future, step, params, out):
     zx, zy, zz = body_z(q)
     gain = gain_update(
         state[S_GAIN : S_GAIN + GAIN_DIM], v[0], v[1], v[2], zx, zy, zz, state[S_ASKED + 3], t - state[S_LAST],
@@ -274,26 +274,26 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
     own[pp.DRAG] = state[S_GAIN + G_DRAG]
     own[pp.IMPACT_SPEED] += min(_FASTER, own[pp.IMPACT_UNSURE] * estimate[E_SURFACE])
     params = own
-    _decide(state, t, p, v, q, platform, estimate, future, step, params)
+    _decide(state, t, p, v, q, board, estimate, future, step, params)
     phase = int(state[S_PHASE])
     if phase == HOLD:
         hold(q, v, 0.3 if state[S_ENGAGED] >= 0.0 else 0.0, gain, params, out)
-    elif phase == RUN_UP or (phase == FOLLOW and runs_up(platform, params)):
+    elif phase == RUN_UP or (phase == FOLLOW and runs_up(board, params)):
         resting = phase == FOLLOW
-        left = runup_time(platform[6], params) if resting else state[S_GATE] - t
-        error, rate = fly_runup(left, resting, p, v, q, platform, state[S_ACCELERATION], gain, params, out)
+        left = runup_time(board[6], params) if resting else state[S_GATE] - t
+        error, rate = fly_runup(left, resting, p, v, q, board, state[S_ACCELERATION], gain, params, out)
         state[S_AWAY] = error + 0.3 * rate
     elif phase == FOLLOW:
-        follow(p, v, q, platform, 0.8 * min(2.0, max(0.0, estimate[E_AGE] - 0.3)), gain, params, out)
+        follow(p, v, q, board, 0.8 * min(2.0, max(0.0, estimate[E_AGE] - 0.3)), gain, params, out)
     elif phase == AROUND:
-        climb_away(p, v, q, platform, gain, params, out)
+        climb_away(p, v, q, board, gain, params, out)
     elif phase == GLIDE:
-        _glide(state, t, p, v, q, platform, estimate, params, out)
+        _glide(state, t, p, v, q, board, estimate, params, out)
     else:
         motion, begun, contact = state[S_MOTION : S_MOTION + MOTION_DIM], state[S_BEGUN], state[S_CONTACT]
         given, before = gain * state[S_GAIN + G_LAGGED], state[S_ASKED : S_ASKED + 2]
         fly_motion(
-            motion, t - begun, contact - begun, contact - t, p, v, q, platform, state[S_ACCELERATION], gain, given,
+            motion, t - begun, contact - begun, contact - t, p, v, q, board, state[S_ACCELERATION], gain, given,
             before, estimate[E_SURFACE], params, out,
         )  # fmt: skip
     state[S_ASKED : S_ASKED + 4] = out
@@ -304,7 +304,7 @@ def _step(state, t, p, v, q, platform, estimate, future, step, params, out):
 def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, out):
     """`planner_step` on an estimate of the board now: remembers its speed and, when due, predicts `future` ((K, 8)).
 
-    `x` (8,): platform row whose last entry is the acceleration (m/s^2), which decays in
+    `x` (8,): board row whose last entry is the acceleration (m/s^2), which decays in
     `predict_tau` s; corrected in place for what the board did since the last exposure.
     """
     if runs_up(x, params):

@@ -23,10 +23,10 @@ _STEADY = 0.3  # m/s, a range of speeds that makes no moment better than another
 
 
 @njit
-def runs_up(platform, params):
+def runs_up(board, params):
     """True for a board so steep for its speed that it takes a run-up: a slow one can be met from any side."""
-    slow = min(1.0, max(0.0, 1.0 - (abs(platform[4]) - _CRAWL) / (_STRIDE - _CRAWL)))
-    return platform[6] >= params[pp.RUN_INCLINATION] + params[pp.RUN_SLOW] * slow
+    slow = min(1.0, max(0.0, 1.0 - (abs(board[4]) - _CRAWL) / (_STRIDE - _CRAWL)))
+    return board[6] >= params[pp.RUN_INCLINATION] + params[pp.RUN_SLOW] * slow
 
 
 @njit
@@ -95,19 +95,19 @@ def runup_reference(left, inclination, params):
 
 
 @njit
-def fly_runup(left, resting, p, v, q, platform, acceleration, gain, params, out):
+def fly_runup(left, resting, p, v, q, board, acceleration, gain, params, out):
     """Track the run-up, or with `resting` its starting point; fills `out` (4,). Returns position and speed error.
 
     `left` s to the gate; `acceleration` m/s^2 of the board now.
     """
-    x, z, ux, uz, ax, az = runup_reference(left, platform[6], params)
+    x, z, ux, uz, ax, az = runup_reference(left, board[6], params)
     if resting:
         ux = uz = ax = az = 0.0
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    speed, turn = platform[4], platform[5]
+    c, s = math.cos(board[3]), math.sin(board[3])
+    speed, turn = board[4], board[5]
     # The reference turns with the board: its far end swings out.
     wx, wy = (speed + ux) * c - turn * x * s, (speed + ux) * s + turn * x * c
-    ex, ey, ez = platform[0] + x * c - p[0], platform[1] + x * s - p[1], platform[2] + z - p[2]
+    ex, ey, ez = board[0] + x * c - p[0], board[1] + x * s - p[1], board[2] + z - p[2]
     dx, dy, dz = wx - v[0], wy - v[1], uz - v[2]
     kp, kv = params[pp.RUN_KP], params[pp.RUN_KV]
     error, rate = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -120,7 +120,7 @@ def fly_runup(left, resting, p, v, q, platform, acceleration, gain, params, out)
     bz = az + kv * (dz + pull * ez)
     tilt = params[pp.FOLLOW_TILT]
     if resting:
-        bx, by = keep_in_view(bx, by, p, platform, params)
-    yaw_rate = face(q, p, platform, params) + turn
+        bx, by = keep_in_view(bx, by, p, board, params)
+    yaw_rate = face(q, p, board, params) + turn
     command_acceleration(q, v[0], v[1], v[2], bx, by, bz, yaw_rate, tilt, gain, params, out)
     return error, rate

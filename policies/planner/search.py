@@ -12,7 +12,7 @@ from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from policies.planner import params as pp
 from policies.planner import polynomial as poly
-from policies.prediction.future import platform_at
+from policies.prediction.future import board_at
 
 SAMPLES = 14
 THRUSTS = 5
@@ -24,7 +24,7 @@ MOTION_DIM = 3 * _C
 
 
 @njit
-def _drift(start, platform, vx, vy, ax, ay, duration, params):
+def _drift(start, board, vx, vy, ax, ay, duration, params):
     """How far beside the board's centre (m, to its left) a perch in `duration` s may end.
 
     Late corrections across the board tilt the drone when it has to turn up, and the board is wide: the nearer contact
@@ -33,47 +33,45 @@ def _drift(start, platform, vx, vy, ax, ay, duration, params):
     free = min(1.0, max(0.0, 2.0 - 2.0 * duration / max(params[pp.AIM], 1e-6)))
     if free <= 0.0:
         return 0.0
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
+    ch, sh = math.cos(board[3]), math.sin(board[3])
     mean_x, mean_y = 0.5 * duration * (start[3] + vx), 0.5 * duration * (start[4] + vy)
     swing = duration * duration / 12.0
-    dx = start[0] + mean_x + swing * (start[6] - ax) - platform[0]
-    dy = start[1] + mean_y + swing * (start[7] - ay) - platform[1]
+    dx = start[0] + mean_x + swing * (start[6] - ax) - board[0]
+    dy = start[1] + mean_y + swing * (start[7] - ay) - board[1]
     return free * min(params[pp.MISS], max(-params[pp.MISS], dy * ch - dx * sh))
 
 
 @njit
-def fit_perch(start, platform, duration, thrust, skid, params, motion):
+def fit_perch(start, board, duration, thrust, skid, params, motion):
     """Fit `motion` ((MOTION_DIM,)) from `start` ((9,): position, velocity, acceleration) to the board at contact.
 
-    `platform` (8,): the board at contact, its last entry its acceleration (m/s^2). `thrust` (m/s^2) and `skid` (m/s, up
+    `board` (8,): the board at contact, its last entry its acceleration (m/s^2). `thrust` (m/s^2) and `skid` (m/s, up
     the slope, relative to the board) at contact.
     """
-    nx, ny, nz = board_normal(platform)
-    offset = (
-        params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * max(0.0, abs(platform[7]) - _STEADY)
-    )
+    nx, ny, nz = board_normal(board)
+    offset = params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * max(0.0, abs(board[7]) - _STEADY)
     into, flat = params[pp.IMPACT_SPEED], params[pp.FLATTEN] * max(0.0, 2.0 * nz - 1.0)
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
-    vx = (platform[4] + skid * nz) * ch - into * nx
-    vy = (platform[4] + skid * nz) * sh - into * ny
-    vz = skid * math.sin(platform[6]) - into * nz
+    ch, sh = math.cos(board[3]), math.sin(board[3])
+    vx = (board[4] + skid * nz) * ch - into * nx
+    vy = (board[4] + skid * nz) * sh - into * ny
+    vz = skid * math.sin(board[6]) - into * nz
     drag = params[pp.DRAG]
-    lean = params[pp.LEAN] * min(1.0, 2.0 * math.sin(platform[6]))
+    lean = params[pp.LEAN] * min(1.0, 2.0 * math.sin(board[6]))
     cl, sl = math.cos(lean), math.sin(lean)
-    zx, zy, zz = nx * cl + nz * ch * sl, ny * cl + nz * sh * sl, nz * cl + math.sin(platform[6]) * sl
+    zx, zy, zz = nx * cl + nz * ch * sl, ny * cl + nz * sh * sl, nz * cl + math.sin(board[6]) * sl
     fx, fy, fz = thrust * zx - drag * vx, thrust * zy - drag * vy, thrust * zz - drag * vz - params[pp.GRAVITY]
-    aside = _drift(start, platform, vx, vy, fx, fy, duration, params)
-    x, y = platform[0] + offset * nx - aside * sh, platform[1] + offset * ny + aside * ch
+    aside = _drift(start, board, vx, vy, fx, fy, duration, params)
+    x, y = board[0] + offset * nx - aside * sh, board[1] + offset * ny + aside * ch
     poly.fit_axis(start[0], start[3], start[6], x, vx, fx, duration, flat, motion, 0)
     poly.fit_axis(start[1], start[4], start[7], y, vy, fy, duration, flat, motion, _C)
-    poly.fit_axis(start[2], start[5], start[8], platform[2] + offset * nz, vz, fz, duration, flat, motion, 2 * _C)
+    poly.fit_axis(start[2], start[5], start[8], board[2] + offset * nz, vz, fz, duration, flat, motion, 2 * _C)
 
 
 @njit
-def motion_cost(motion, duration, future, step, offset, low, high, params, limit, platform):
+def motion_cost(motion, duration, future, step, offset, low, high, params, limit, board):
     """Cost of a motion on SAMPLES points; stops early above `limit`. `offset` s: of the motion's start in `future`.
 
-    `low`, `high`: thrust the vehicle can really give, m/s^2. `platform` (8,) is scratch.
+    `low`, `high`: thrust the vehicle can really give, m/s^2. `board` (8,) is scratch.
     """
     g, drag = params[pp.GRAVITY], params[pp.DRAG]
     cost, gap = 0.0, 0.0
@@ -98,9 +96,9 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
         cost += params[pp.W_SPEED] * excess * excess * dt
         if k < SAMPLES:
             x, y, z = poly.position(motion, 0, t), poly.position(motion, _C, t), poly.position(motion, 2 * _C, t)
-            platform_at(future, step, offset + t, platform)
-            nx, ny, nz = board_normal(platform)
-            dx, dy, dz = x - platform[0], y - platform[1], z - platform[2]
+            board_at(future, step, offset + t, board)
+            nx, ny, nz = board_normal(board)
+            dx, dy, dz = x - board[0], y - board[1], z - board[2]
             cosine = nx * zx + ny * zy + nz * zz
             distance = math.sqrt(dx * dx + dy * dy + dz * dz)
             height = nx * dx + ny * dy + nz * dz
@@ -126,13 +124,13 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
 
 @njit
 def search(
-    start, future, step, offset, gain, shortest, longest, durations, remaining, params, best, scratch, target, platform
+    start, future, step, offset, gain, shortest, longest, durations, remaining, params, best, scratch, target, board
 ):
     """The cheapest perch from `start` with a duration in [shortest, longest] s; fills `best` ((MOTION_DIM,)).
 
     `offset` s: of the motion's start from `future`'s first row; `gain`: achieved over asked thrust; `remaining`: what
     is left of the plan under way (0: none), whose postponement costs. `scratch` (MOTION_DIM,), `target` and
-    `platform` (8,) are overwritten.
+    `board` (8,) are overwritten.
     Returns (cost, duration, terminal thrust); cost is infinite if nothing finite was found.
     """
     low, high = params[pp.THRUST_MIN] * gain + 0.2, 0.95 * params[pp.THRUST_MAX] * gain
@@ -145,9 +143,9 @@ def search(
             base += params[pp.W_POSTPONE] * max(0.0, duration - remaining)
         if base >= least:
             continue
-        platform_at(future, step, offset + duration + step, platform)
-        platform_at(future, step, offset + duration, target)
-        target[7] = (platform[4] - target[4]) / step
+        board_at(future, step, offset + duration + step, board)
+        board_at(future, step, offset + duration, target)
+        target[7] = (board[4] - target[4]) / step
         for j in range(2 * THRUSTS):
             thrust = params[pp.F_MIN] + (params[pp.F_MAX] - params[pp.F_MIN]) * (j // 2) / (THRUSTS - 1)
             skid = params[pp.SKID] if j % 2 == 1 else 0.0
@@ -160,9 +158,7 @@ def search(
             if extra >= least or (j % 2 == 1 and skid == 0.0):
                 continue
             fit_perch(start, target, duration, thrust, skid, params, scratch)
-            cost = extra + motion_cost(
-                scratch, duration, future, step, offset, low, high, params, least - extra, platform
-            )
+            cost = extra + motion_cost(scratch, duration, future, step, offset, low, high, params, least - extra, board)
             if cost < least:
                 least, found, found_thrust = cost, duration, thrust
                 best[:] = scratch

@@ -7,7 +7,7 @@ does: it has seen the speed law. So that prediction is kept, and read off at a l
 from __future__ import annotations
 
 from kernel.jit import njit
-from policies.prediction.future import HORIZON, platform_at
+from policies.prediction.future import HORIZON, board_at
 
 # A coast row: time of the kept prediction (s), whether there is one, then its rows.
 C_TIME, C_KEPT, C_ROWS = 0, 1, 2
@@ -38,11 +38,11 @@ def coasting(row, t, age):
 
 @njit
 def coast_state(row, t, step, x):
-    """The board at `t` as foretold, into `x` ((8,): platform row whose last entry is the acceleration, m/s^2)."""
+    """The board at `t` as foretold, into `x` ((8,): board row whose last entry is the acceleration, m/s^2)."""
     rows, since = row[C_ROWS:COAST_DIM].reshape(HORIZON, 8), t - row[C_TIME]
-    platform_at(rows, step, since + step, x)
+    board_at(rows, step, since + step, x)
     later = x[4]
-    platform_at(rows, step, since, x)
+    board_at(rows, step, since, x)
     x[7] = (later - x[4]) / step
 
 
@@ -51,5 +51,5 @@ def coast_future(row, t, step, future):
     """Fill `future` ((K, 8), first row at `t`) from the kept prediction."""
     rows, since = row[C_ROWS:COAST_DIM].reshape(HORIZON, 8), t - row[C_TIME]
     for k in range(future.shape[0]):
-        platform_at(rows, step, since + k * step, future[k])
+        board_at(rows, step, since + k * step, future[k])
         future[k, 7] = 0.0

@@ -1,4 +1,4 @@
-"""Where the board will be: `future` rows (K, 8), platform rows at a fixed step from now, which is all the planner sees.
+"""Where the board will be: `future` rows (K, 8), board rows at a fixed step from now, which is all the planner sees.
 
 Anything that fills such an array can stand here: the belief's own model below, a learned predictor, or the true motion
 (the teacher with perfect foresight).
@@ -85,7 +85,7 @@ def predict_swing(state, fit, tau, step, out):
 
 
 @njit
-def platform_at(future, step, t, out):
+def board_at(future, step, t, out):
     """Interpolate `future` at `t` s from its first row into `out` ((8,)): cubic in position, linear in the rest.
 
     Beyond the last row that row is extrapolated on its arc.

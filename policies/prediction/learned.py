@@ -67,7 +67,7 @@ def predictor_clear(history):
 
 @njit
 def predictor_push(history, t, x, age):
-    """Remember the believed board `x` ((8,): platform row, last entry acceleration) at `t` s, every SAMPLE s.
+    """Remember the believed board `x` ((8,): board row, last entry acceleration) at `t` s, every SAMPLE s.
 
     Call it at every tick at which the belief is valid; `age` s of the newest exposure. A gap starts the history anew.
     """

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from groundcar.motion import board_motion as mo
 from groundcar.motion import paths as tr
-from groundcar.motion import platform as mo
 from groundcar.motion import speed_laws as sl
 from groundcar.motion.splines import random_spline
 from groundcar.scout.params import load_scout
@@ -99,7 +99,7 @@ def draw_motion(row, aux, response, damping, top, rng):
 
 @njit
 def roll(row, aux, lead, rng, out):
-    """Drive `lead` ticks unseen, then write every tick's platform row to `out` ((T, 8))."""
+    """Drive `lead` ticks unseen, then write every tick's board row to `out` ((T, 8))."""
     for _ in range(lead):
         mo.motion_step(row, aux, DT, rng)
     for k in range(out.shape[0]):
@@ -141,22 +141,22 @@ def watch(truth, noise, scale, losses, bparams, cam, rng, inputs, contexts, targ
     gap = max(1, watched // SNAPSHOTS)
     due = round(uniform(rng, 8.0, 8.0 + gap))
     for k in range(watched):
-        t, platform = k * DT, truth[k]
+        t, board_row = k * DT, truth[k]
         if t > blind_until and uniform(rng, 0.0, 1.0) < losses * DT:
             blind_until = t + uniform(rng, 0.05, 1.0)
         if t >= next_frame:
             next_frame += period
             if t > blind_until and tail - head < 8:
                 away = near + (far - near) * math.exp(-t / closing)
-                angle = platform[3] + math.pi + side
-                p[0], p[1] = platform[0] + away * math.cos(angle), platform[1] + away * math.sin(angle)
-                p[2] = platform[2] + up * away
-                board_v[0], board_v[1] = platform[4] * math.cos(platform[3]), platform[4] * math.sin(platform[3])
+                angle = board_row[3] + math.pi + side
+                p[0], p[1] = board_row[0] + away * math.cos(angle), board_row[1] + away * math.sin(angle)
+                p[2] = board_row[2] + up * away
+                board_v[0], board_v[1] = board_row[4] * math.cos(board_row[3]), board_row[4] * math.sin(board_row[3])
                 v[:] = board_v
                 v[2] = -0.3
                 pose = from_euler(0.0, math.atan(up) - 0.26, angle + math.pi)
-                board = from_euler(0.0, -platform[6], platform[3])
-                observe_board(p, pose, v, platform, board, board_v, cam, noise, scale, bias, rng, seen)
+                board = from_euler(0.0, -board_row[6], board_row[3])
+                observe_board(p, pose, v, board_row, board, board_v, cam, noise, scale, bias, rng, seen)
                 queue[tail % 8, 0] = t
                 queue[tail % 8, 1:] = seen
                 tail += 1

@@ -2,7 +2,7 @@
 
 Contact is the collision criterion of Ji et al. (2022): the underside is a disc of radius `robot_r` at `robot_l` below
 the centre of mass; it touches when its lowest point along the board's normal reaches the board's plane while the drone
-is within `platform_r + robot_r` of the board's centre. `success` is the paper's tolerance rule and nothing else;
+is within `board_r + robot_r` of the board's centre. `success` is the paper's tolerance rule and nothing else;
 whether the magnet would have held is judged apart (`attached`), because the paper counts neither impact speed nor the
 board's edge.
 
@@ -34,7 +34,7 @@ PLANAR = 11  # m, tangential distance from the board's centre
 RESULT_DIM = 12
 
 # Indices of the (RULES_DIM,) row of limits, in the order of the fields of `ContactRules`.
-ROBOT_L, ROBOT_R, PLATFORM_R, BEHIND_DEPTH = 0, 1, 2, 3
+ROBOT_L, ROBOT_R, BOARD_R, BEHIND_DEPTH = 0, 1, 2, 3
 DELTA_D, DELTA_V, DELTA_THETA = 4, 5, 6
 GROUND_Z, WORKSPACE_XY, WORKSPACE_Z, TIME_LIMIT = 7, 8, 9, 10
 BOARD_HALF, MAGNET_NORMAL_ERROR, MAGNET_TANGENTIAL, MAGNET_NORMAL_MIN, MAGNET_NORMAL_MAX = 11, 12, 13, 14, 15
@@ -46,7 +46,7 @@ class ContactRules:
     """Limits of Algorithm 1 and of the magnet. SI units, angles in rad.
 
     `delta_*`: the paper's tolerances. `robot_l`, `robot_r`: disc below the centre of mass; take them from the airframe.
-    `platform_r`: gate of the criterion; the default is half the diagonal of the 0.42 m board. `behind_depth`: the
+    `board_r`: gate of the criterion; the default is half the diagonal of the 0.42 m board. `behind_depth`: the
     centre of mass this far behind the board's plane means it came from the wrong side.
     Workspace: limits of |x|, |y| and of z.
 
@@ -57,7 +57,7 @@ class ContactRules:
 
     robot_l: float = 0.05
     robot_r: float = 0.13
-    platform_r: float = 0.297
+    board_r: float = 0.297
     behind_depth: float = 0.08
     delta_d: float = 0.2
     delta_v: float = 0.6
@@ -104,29 +104,29 @@ class ContactView(NamedTuple):
 
 
 @njit
-def relative_state(position, velocity, quaternion, body_rate, platform, rules, out):
+def relative_state(position, velocity, quaternion, body_rate, board, rules, out):
     """Fill the geometric part of `out` (X, Y, HEIGHT, PLANAR, NORMAL_ERROR, NORMAL_SPEED, TANGENTIAL_SPEED).
 
     `position`, `velocity` (3,) of the centre of mass, world; `quaternion` (4,) wxyz, world from body; `body_rate` (3,)
-    body; `platform` (8,) platform row. X and Y are of the magnet: the disc's centre in the board frame. Speeds are of
+    body; `board` (8,) board row. X and Y are of the magnet: the disc's centre in the board frame. Speeds are of
     that point relative to the board's point under it (the board turns with the car).
     """
     qw, qx, qy, qz = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     zx, zy, zz = 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
-    ci, si = math.cos(platform[6]), math.sin(platform[6])
+    ch, sh = math.cos(board[3]), math.sin(board[3])
+    ci, si = math.cos(board[6]), math.sin(board[6])
     nx, ny, nz = -si * ch, -si * sh, ci
     ux, uy, uz = ci * ch, ci * sh, si
     length = rules[ROBOT_L]
-    dx = position[0] - length * zx - platform[0]
-    dy = position[1] - length * zy - platform[1]
-    dz = position[2] - length * zz - platform[2]
+    dx = position[0] - length * zx - board[0]
+    dy = position[1] - length * zy - board[1]
+    dz = position[2] - length * zz - board[2]
     # velocity of the disc's centre: v - l (R (w x e3)), with w x e3 = (wy, -wx, 0)
     wx, wy = body_rate[0], body_rate[1]
     bxx, bxy, bxz = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy + qw * qz), 2.0 * (qx * qz - qw * qy)
     byx, byy, byz = 2.0 * (qx * qy - qw * qz), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz + qw * qx)
-    vx = velocity[0] - length * (wy * bxx - wx * byx) - (platform[4] * ch - platform[5] * dy)
-    vy = velocity[1] - length * (wy * bxy - wx * byy) - (platform[4] * sh + platform[5] * dx)
+    vx = velocity[0] - length * (wy * bxx - wx * byx) - (board[4] * ch - board[5] * dy)
+    vy = velocity[1] - length * (wy * bxy - wx * byy) - (board[4] * sh + board[5] * dx)
     vz = velocity[2] - length * (wy * bxz - wx * byz)
     x = ux * dx + uy * dy + uz * dz
     y = -sh * dx + ch * dy
@@ -153,36 +153,36 @@ def _violation(position, elapsed, rules):
 
 
 @njit
-def evaluate(position, velocity, quaternion, body_rate, platform, elapsed, rules, out):
+def evaluate(position, velocity, quaternion, body_rate, board, elapsed, rules, out):
     """Algorithm 1 for one instant: fills `out` ((RESULT_DIM,)) and returns ONGOING, FAIL or SUCCESS.
 
     Arguments as `relative_state`; `elapsed` s since the attempt began. A state that is not finite is FAIL/INVALID.
     A violation is looked at before contact, as in the paper.
     """
-    relative_state(position, velocity, quaternion, body_rate, platform, rules, out)
+    relative_state(position, velocity, quaternion, body_rate, board, rules, out)
     out[TOUCHED] = out[WITHIN] = out[ATTACHED] = 0.0
-    dx, dy, dz = position[0] - platform[0], position[1] - platform[1], position[2] - platform[2]
+    dx, dy, dz = position[0] - board[0], position[1] - board[1], position[2] - board[2]
     if not (math.isfinite(out[HEIGHT]) and math.isfinite(out[NORMAL_SPEED]) and math.isfinite(out[TANGENTIAL_SPEED])):
         out[OUTCOME], out[REASON] = FAIL, INVALID
         return FAIL
     reason = _violation(position, elapsed, rules)
-    reach = rules[PLATFORM_R] + rules[ROBOT_R]
+    reach = rules[BOARD_R] + rules[ROBOT_R]
     if reason == NONE and (out[HEIGHT] > 0.0 or dx * dx + dy * dy + dz * dz > reach * reach):
         out[OUTCOME], out[REASON] = ONGOING, NONE
         return ONGOING
     if reason == NONE:
         out[TOUCHED] = 1.0
-        reason = _judge(dx, dy, dz, platform, rules, out)
+        reason = _judge(dx, dy, dz, board, rules, out)
     out[REASON] = reason
     out[OUTCOME] = SUCCESS if reason == NONE else FAIL
     return SUCCESS if reason == NONE else FAIL
 
 
 @njit
-def _judge(dx, dy, dz, platform, rules, out):
+def _judge(dx, dy, dz, board, rules, out):
     """Tolerances and magnet at the instant of contact; the first broken tolerance is the reason."""
-    si = math.sin(platform[6])
-    above = -si * math.cos(platform[3]) * dx - si * math.sin(platform[3]) * dy + math.cos(platform[6]) * dz
+    si = math.sin(board[6])
+    above = -si * math.cos(board[3]) * dx - si * math.sin(board[3]) * dy + math.cos(board[6]) * dz
     if above < -rules[BEHIND_DEPTH]:
         return BEHIND
     if (

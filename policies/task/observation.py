@@ -47,13 +47,13 @@ def history_dim(stride: int) -> int:
 
 
 @njit
-def write_entry(platform, seconds, out, at):
-    """Write [x, y, z, normal, vx, vy, turn rate, seconds] of a platform row into `out` from index `at`."""
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
-    ci, si = math.cos(platform[6]), math.sin(platform[6])
-    out[at], out[at + 1], out[at + 2] = platform[0], platform[1], platform[2]
+def write_entry(board, seconds, out, at):
+    """Write [x, y, z, normal, vx, vy, turn rate, seconds] of a board row into `out` from index `at`."""
+    ch, sh = math.cos(board[3]), math.sin(board[3])
+    ci, si = math.cos(board[6]), math.sin(board[6])
+    out[at], out[at + 1], out[at + 2] = board[0], board[1], board[2]
     out[at + 3], out[at + 4], out[at + 5] = -si * ch, -si * sh, ci
-    out[at + 6], out[at + 7], out[at + 8] = platform[4] * ch, platform[4] * sh, platform[5]
+    out[at + 6], out[at + 7], out[at + 8] = board[4] * ch, board[4] * sh, board[5]
     out[at + 9] = seconds
 
 
@@ -64,22 +64,22 @@ def clear_history(row):
 
 
 @njit
-def push_history(platform, seconds, row):
-    """Append a platform row, true or believed, at time `seconds` (any epoch, rising by one control step a call)."""
+def push_history(board, seconds, row):
+    """Append a board row, true or believed, at time `seconds` (any epoch, rising by one control step a call)."""
     size = (row.shape[0] - RING_START) // ENTRY_DIM
     head = (int(row[HEAD]) + 1) % size if row[FILL] > 0.0 else 0
-    write_entry(platform, seconds, row, RING_START + head * ENTRY_DIM)
+    write_entry(board, seconds, row, RING_START + head * ENTRY_DIM)
     row[HEAD] = head
     row[FILL] = min(row[FILL] + 1.0, float(size))
 
 
 @njit
-def renew_history(platform, seconds, row):
-    """Put a platform row at time `seconds` in place of the newest one: what a picture told between control steps."""
+def renew_history(board, seconds, row):
+    """Put a board row at time `seconds` in place of the newest one: what a picture told between control steps."""
     if row[FILL] > 0.0:
-        write_entry(platform, seconds, row, RING_START + int(row[HEAD]) * ENTRY_DIM)
+        write_entry(board, seconds, row, RING_START + int(row[HEAD]) * ENTRY_DIM)
     else:
-        push_history(platform, seconds, row)
+        push_history(board, seconds, row)
 
 
 @njit
@@ -174,17 +174,17 @@ class ObservationBuilder:
         """Forget the history, as at the start of an attempt."""
         clear_history(self._row)
 
-    def push(self, now_ns: int, platform: np.ndarray, between: bool = False) -> bool:
-        """Append this step's belief ((8,) platform row at `now_ns`); False and counted if it is not finite.
+    def push(self, now_ns: int, board: np.ndarray, between: bool = False) -> bool:
+        """Append this step's belief ((8,) board row at `now_ns`); False and counted if it is not finite.
 
         `between` two control steps it takes the newest one's place: the history keeps one entry a step.
         """
-        if not np.isfinite(platform).all():
+        if not np.isfinite(board).all():
             self.rejected += 1
             return False
         if self._row[FILL] == 0.0:
             self._epoch_ns = now_ns
-        (renew_history if between else push_history)(platform, (now_ns - self._epoch_ns) * 1e-9, self._row)
+        (renew_history if between else push_history)(board, (now_ns - self._epoch_ns) * 1e-9, self._row)
         return True
 
     def build(

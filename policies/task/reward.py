@@ -95,20 +95,20 @@ def phi4(a, b):
 
 
 @njit
-def shaping(p, v, q, w, platform, action, previous, weights, out):
+def shaping(p, v, q, w, board, action, previous, weights, out):
     """Fill GUIDE, ALIGN, ACT, AGGR, TIME of `out`.
 
-    `p`, `v` (3,) world, `q` (4,) wxyz world from body, `w` (3,) body rate; `platform` (8,); actions (4,) in [-1, 1].
+    `p`, `v` (3,) world, `q` (4,) wxyz world from body, `w` (3,) body rate; `board` (8,); actions (4,) in [-1, 1].
     Relative position and velocity are drone against board centre; z_rel is body z minus the board's normal.
     """
     qw, qx, qy, qz = q[0], q[1], q[2], q[3]
     zx, zy, zz = 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
-    ci, si = math.cos(platform[6]), math.sin(platform[6])
+    ch, sh = math.cos(board[3]), math.sin(board[3])
+    ci, si = math.cos(board[6]), math.sin(board[6])
     nx, ny, nz = -si * ch, -si * sh, ci
-    dx, dy, dz = p[0] - platform[0], p[1] - platform[1], p[2] - platform[2]
+    dx, dy, dz = p[0] - board[0], p[1] - board[1], p[2] - board[2]
     ex, ey, ez = zx - nx, zy - ny, zz - nz
-    vx, vy, vz = v[0] - platform[4] * ch, v[1] - platform[4] * sh, v[2]
+    vx, vy, vz = v[0] - board[4] * ch, v[1] - board[4] * sh, v[2]
     error = math.sqrt(dx * dx + dy * dy + dz * dz + ex * ex + ey * ey + ez * ez)
     angle = math.acos(min(1.0, max(-1.0, zx * nx + zy * ny + zz * nz)))
     guide = weights[L1] * phi1(weights[L2] * error)

@@ -6,7 +6,7 @@ import math
 
 from kernel.jit import njit
 from policies.planner import polynomial as poly
-from policies.prediction.future import platform_at
+from policies.prediction.future import board_at
 from policies.teachers.params import (
     AXIS,
     E_BLIND,
@@ -22,7 +22,7 @@ from policies.teachers.params import (
     E_W_THRUST,
     E_W_VIEW,
     MOTION,
-    X_PLATFORM,
+    X_BOARD,
 )
 from vehicle.quadrotor.airframe import GRAVITY
 
@@ -38,7 +38,7 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, l
 
     Stops early above `limit`.
     """
-    motion, platform = row[at : at + MOTION], row[X_PLATFORM : X_PLATFORM + 8]
+    motion, board = row[at : at + MOTION], row[X_BOARD : X_BOARD + 8]
     low, high = e[E_LOW] * gain, e[E_HIGH] * gain
     rate = e[E_RATE_FLAT] + min(1.0, 2.0 * math.sin(future[0, 6])) * (e[E_RATE] - e[E_RATE_FLAT])
     cost, dt = 0.0, duration / _SAMPLES
@@ -64,11 +64,11 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, l
         cost += e[E_W_CLEARANCE] * short * short * dt
         left = after + duration - t
         if left > 1e-6:
-            platform_at(future, step, offset + t, platform)
-            dx, dy, dz = x - platform[0], y - platform[1], z - platform[2]
+            board_at(future, step, offset + t, board)
+            dx, dy, dz = x - board[0], y - board[1], z - board[2]
             distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-            si, ci = math.sin(platform[6]), math.cos(platform[6])
-            nx, ny, nz = -si * math.cos(platform[3]), -si * math.sin(platform[3]), ci
+            si, ci = math.sin(board[6]), math.cos(board[6])
+            nx, ny, nz = -si * math.cos(board[3]), -si * math.sin(board[3]), ci
             height = nx * dx + ny * dy + nz * dz
             if distance < _REACH:
                 cosine = nx * zx + ny * zy + nz * zz

@@ -17,7 +17,7 @@ from policies.environment.rows import S_STEP
 from policies.planner import polynomial as poly
 from policies.planner.follow import face
 from policies.planner.tracking import track_force
-from policies.prediction.future import platform_at
+from policies.prediction.future import board_at
 from policies.teachers.cost import motion_cost
 from policies.teachers.params import (
     AXIS,
@@ -43,12 +43,12 @@ from policies.teachers.params import (
     E_W_TIME,
     MOTION,
     X_BEGUN,
+    X_BOARD,
     X_CONTACT,
     X_COST,
     X_FIRST,
     X_MIDDLE,
     X_NEXT,
-    X_PLATFORM,
     X_READY,
     X_SECOND,
     X_START,
@@ -71,19 +71,19 @@ def _fit_move(row, future, step, contact, e):
 
     Returns its length.
     """
-    platform, begin = row[X_PLATFORM : X_PLATFORM + 8], row[X_TARGET : X_TARGET + 8]
-    platform_at(future, step, contact, platform)
-    si, ci = math.sin(platform[6]), math.cos(platform[6])
+    board, begin = row[X_BOARD : X_BOARD + 8], row[X_TARGET : X_TARGET + 8]
+    board_at(future, step, contact, board)
+    si, ci = math.sin(board[6]), math.cos(board[6])
     length = e[E_MOVE_FLAT] + si * (e[E_MOVE_STEEP] - e[E_MOVE_FLAT])
     thrust = max(e[E_THRUST_FLAT] * GRAVITY * ci, e[E_THRUST_STEEP])
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
+    ch, sh = math.cos(board[3]), math.sin(board[3])
     nx, ny, nz = -si * ch, -si * sh, ci
     first, second, glide = 0.5 + e[E_EASE] / 6.0, 1.0 / 6.0 + e[E_EASE] / 12.0, e[E_GLIDE] * ci * ci
     for k in range(3):
         n = nx if k == 0 else (ny if k == 1 else nz)
-        v = -e[E_IMPACT] * n + (platform[4] * ch if k == 0 else (platform[4] * sh if k == 1 else 0.0))
+        v = -e[E_IMPACT] * n + (board[4] * ch if k == 0 else (board[4] * sh if k == 1 else 0.0))
         a = thrust * n - (GRAVITY if k == 2 else 0.0)
-        p = platform[k] + 0.03 * n
+        p = board[k] + 0.03 * n
         begin[3 + k] = v - a * length * first
         begin[k] = p - begin[3 + k] * length - a * length * length * second
         ahead = ch if k == 0 else (sh if k == 1 else 0.0)
@@ -100,20 +100,20 @@ def _fit_end(row, future, step, contact, e):
     Late corrections across the normal would tilt the drone, and the board is large: the nearer contact is, the more the
     plan ends where the drone drifts to anyway (end position free), up to a bound.
     """
-    platform, start = row[X_PLATFORM : X_PLATFORM + 8], row[X_START : X_START + 9]
-    platform_at(future, step, contact, platform)
-    si, ci = math.sin(platform[6]), math.cos(platform[6])
+    board_row, start = row[X_BOARD : X_BOARD + 8], row[X_START : X_START + 9]
+    board_at(future, step, contact, board_row)
+    si, ci = math.sin(board_row[6]), math.cos(board_row[6])
     thrust = max(e[E_THRUST_FLAT] * GRAVITY * ci, e[E_THRUST_STEEP])
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
+    ch, sh = math.cos(board_row[3]), math.sin(board_row[3])
     natural, end = row[X_TARGET : X_TARGET + 3], row[X_TARGET + 3 : X_TARGET + 9]
     n = (-si * ch, -si * sh, ci)
     along = 0.0
     for k in range(3):
-        board = platform[4] * ch if k == 0 else (platform[4] * sh if k == 1 else 0.0)
+        board = board_row[4] * ch if k == 0 else (board_row[4] * sh if k == 1 else 0.0)
         end[k] = board - e[E_IMPACT] * n[k]
         end[3 + k] = thrust * n[k] - (GRAVITY if k == 2 else 0.0)
         mean, swing = 0.5 * (start[3 + k] + end[k]), (start[6 + k] - end[3 + k]) / 12.0
-        natural[k] = start[k] + contact * mean + contact * contact * swing - platform[k]
+        natural[k] = start[k] + contact * mean + contact * contact * swing - board_row[k]
         along += natural[k] * n[k]
     miss = 0.0
     for k in range(3):
@@ -122,7 +122,7 @@ def _fit_end(row, future, step, contact, e):
     free = min(1.0, max(0.0, (e[E_AIM] - contact) / (0.5 * e[E_AIM])))
     free *= min(1.0, e[E_MISS] / max(math.sqrt(miss), 1e-6))
     for k in range(3):
-        p = platform[k] + 0.03 * n[k] + free * natural[k]
+        p = board_row[k] + 0.03 * n[k] + free * natural[k]
         poly.fit_axis(
             start[k], start[3 + k], start[6 + k], p, end[k], end[3 + k], contact, e[E_FLATTEN], row, X_TRY1 + k * AXIS
         )
@@ -193,7 +193,7 @@ def _plan(row, t, future, step, gain, drag, e):
 
 
 @njit
-def _follow(row, t, vehicle, platform, gain, drag, e, planner, out):
+def _follow(row, t, vehicle, board, gain, drag, e, planner, out):
     """CTBR that follows the plan at time `t`."""
     second = t >= row[X_MIDDLE]
     at = X_SECOND if second else X_FIRST
@@ -226,15 +226,15 @@ def _follow(row, t, vehicle, platform, gain, drag, e, planner, out):
         + (x[1] + poly.acceleration(motion, AXIS, soon)) * zy
         + (x[2] + poly.acceleration(motion, 2 * AXIS, soon)) * zz
     )
-    yaw_rate = face(q, p, platform, planner) if left > 0.4 else 0.0
+    yaw_rate = face(q, p, board, planner) if left > 0.4 else 0.0
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, planner, out)
 
 
 @njit
-def expert_step(rows, i, row, platform, future, step, gain, e, planner, out):
+def expert_step(rows, i, row, board, future, step, gain, e, planner, out):
     """The expert's CTBR for episode i into `out` (4,): body rate rad/s, thrust m/s^2.
 
-    `row` expert row; `platform` (8,) the board now, `future` (K, 8) the same `step` s apart from now, read when
+    `row` expert row; `board` (8,) the board now, `future` (K, 8) the same `step` s apart from now, read when
     `expert_due`: the truth, or a belief; `gain` achieved over asked thrust; `e` row of ExpertParams; `planner` row of
     PlannerParams for the inner loop's gains.
     """
@@ -253,7 +253,7 @@ def expert_step(rows, i, row, platform, future, step, gain, e, planner, out):
             z = zx if k == 0 else (zy if k == 1 else zz)
             row[X_START + 6 + k] = lift * z - drag * vehicle[V + k] - (GRAVITY if k == 2 else 0.0)
         _plan(row, t, future, step, gain, drag, e)
-    _follow(row, t, vehicle, platform, gain, drag, e, planner, out)
+    _follow(row, t, vehicle, board, gain, drag, e, planner, out)
 
 
 @njit

@@ -7,8 +7,8 @@ import can
 import numpy as np
 import pytest
 
+from groundcar.motion import board_motion as m
 from groundcar.motion import paths as t
-from groundcar.motion import platform as m
 from groundcar.motion import speed_laws as s
 from groundcar.motion.splines import random_spline
 from groundcar.scout.driver import Command, ScoutLink, WrongProtocolError

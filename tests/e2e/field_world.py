@@ -15,8 +15,8 @@ from pathlib import Path
 
 from groundcar.motion.pose import board_position, board_quaternion
 from groundcar.scout.sim import ScoutSim
+from hil.assembly.board_motion import hover_start, start_board
 from hil.assembly.builder import EXTERNAL_POSE_PARAMETERS
-from hil.assembly.platform_motion import hover_start, start_platform
 from hil.wires.can import open_can
 from hil.wires.udp import UdpWire
 from scenarios.draw import draw
@@ -39,12 +39,12 @@ def main(port, group, name):
     scenario = load(name)
     drawn = draw(scenario, 0)
     x, y, _, yaw = hover_start(scenario, drawn, 1.0)
-    platform = start_platform(scenario, drawn)
+    board_row = start_board(scenario, drawn)
     api = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
     frame = load_airframe("paper_quad")
     autopilot = Px4Sim({"api": api}, frame, 1, (x, y, 0.0), yaw, parameters=EXTERNAL_POSE_PARAMETERS)
     bus = open_can("udp_multicast", group)
-    car = ScoutSim(bus, seed=1, pose=(float(platform[0]), float(platform[1]), float(platform[3])))
+    car = ScoutSim(bus, seed=1, pose=(float(board_row[0]), float(board_row[1]), float(board_row[3])))
     server, noise = VrpnServer(), (Mocap(1), Mocap(2))
     highest, armed, was, told_ns = 0.0, 0, False, 0
     began = time.monotonic_ns()
@@ -57,7 +57,7 @@ def main(port, group, name):
         highest, armed, was = max(highest, truth.position[2]), armed + (truth.armed and not was), truth.armed
         if now - told_ns >= 10_000_000:
             told_ns = now
-            row = car.platform_row(scenario.board.height, math.radians(scenario.board.inclination_deg))
+            row = car.board_row(scenario.board.height, math.radians(scenario.board.inclination_deg))
             board = tuple(map(float, board_position(row))), board_quaternion(row)
             bodies = {"vehicle": (truth.position, truth.orientation), "board": board}
             poses = {}

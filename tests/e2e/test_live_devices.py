@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from groundcar.motion.platform import SPEED
+from groundcar.motion.board_motion import SPEED
 from groundcar.scout.sim import ScoutSim
+from hil.assembly.board_motion import hover_start, start_board
 from hil.assembly.plan import Plan
-from hil.assembly.platform_motion import hover_start, start_platform
 from hil.bus.leaf import Bus, BusError, Mailbox
 from hil.live.run import fly_live
 from hil.live.supervisor import SupervisorError
@@ -111,16 +111,16 @@ class Car(threading.Thread):
     def __init__(self, group):
         super().__init__(daemon=True)
         scenario = load("simple-ii")
-        platform = start_platform(scenario, draw(scenario, 0))
+        board = start_board(scenario, draw(scenario, 0))
         self.bus = open_can("udp_multicast", group)
-        self.sim = ScoutSim(self.bus, seed=1, pose=(float(platform[0]), float(platform[1]), float(platform[3])))
+        self.sim = ScoutSim(self.bus, seed=1, pose=(float(board[0]), float(board[1]), float(board[3])))
         self.fastest, self.ended = 0.0, threading.Event()
 
     def run(self):
         began = time.monotonic_ns()
         while not self.ended.wait(0.004):
             self.sim.step(time.monotonic_ns() - began)
-            self.fastest = max(self.fastest, abs(float(self.sim.platform_row(0.0, 0.0)[SPEED])))
+            self.fastest = max(self.fastest, abs(float(self.sim.board_row(0.0, 0.0)[SPEED])))
         self.bus.close()
 
 
@@ -139,7 +139,7 @@ def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
     """
     live = fly(tmp_path, rig, names={"scenario": "simple-ii", "camera": "model"})
     time.sleep(1.5)  # the harness is gone: the car's own watchdog has acted by now
-    standing = abs(float(car.sim.platform_row(0.0, 0.0)[SPEED]))
+    standing = abs(float(car.sim.board_row(0.0, 0.0)[SPEED]))
     car.ended.set()
     car.join()
     said = events(live.flight.run)
@@ -159,11 +159,11 @@ class Mirror(threading.Thread):
         scenario = load(names)
         drawn = draw(scenario, 0)
         x, y = hover_start(scenario, drawn, 1.0)[:2]
-        platform = start_platform(scenario, drawn)
+        board = start_board(scenario, drawn)
         self.server, self.endpoint = server, endpoint
         self.poses = {
             "quad": ((x, y, 0.0), (1.0, 0.0, 0.0, 0.0)),
-            "board": ((float(platform[0]), float(platform[1]), 1.5), (1.0, 0.0, 0.0, 0.0)),
+            "board": ((float(board[0]), float(board[1]), 1.5), (1.0, 0.0, 0.0, 0.0)),
         }
         self.ended = threading.Event()
 

@@ -199,12 +199,12 @@ def board_visibility(vehicle_p, vehicle_q, board_p, board_R, cam):
 
 
 @njit
-def platform_visibility(vehicle_p, vehicle_q, platform, cam):
-    """`board_visibility` for a platform row [x, y, z, heading, speed, turn_rate, inclination, u]: the form to train
+def board_row_visibility(vehicle_p, vehicle_q, board, cam):
+    """`board_visibility` for a board row [x, y, z, heading, speed, turn_rate, inclination, u]: the form to train
     on."""
-    ch, sh = math.cos(platform[3]), math.sin(platform[3])
-    ci, si = math.cos(platform[6]), math.sin(platform[6])
-    c = point_in_camera(vehicle_p, vehicle_q, platform, cam)
+    ch, sh = math.cos(board[3]), math.sin(board[3])
+    ci, si = math.cos(board[6]), math.sin(board[6])
+    c = point_in_camera(vehicle_p, vehicle_q, board, cam)
     ex = optical_from_world(vehicle_q, ch * ci, sh * ci, si, cam)
     ey = optical_from_world(vehicle_q, -sh, ch, 0.0, cam)
     return _visible(c, ex, ey, cam)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from groundcar.motion.platform import TURN_RATE
+from groundcar.motion.board_motion import TURN_RATE
 from kernel.random import stream
 from policies.environment.env import Env, advance
 from policies.environment.rows import S_STEP, Rows, Shared

@@ -10,7 +10,7 @@ from groundcar.board.layout import Board, BoardTag, rotation_from_car
 from groundcar.board.printing import write_printable
 from kernel.rotations import from_euler
 from vehicle.apriltag.library import TagDetector
-from vehicle.camera.pinhole import Camera, platform_visibility
+from vehicle.camera.pinhole import Camera, board_row_visibility
 
 BOARD = Board()
 
@@ -47,12 +47,12 @@ def test_a_level_camera_at_contact_has_the_row_of_small_tags_in_its_picture():
     camera = Camera()
     row, below = camera.row(), 0.05
     for inclination in np.radians([0.0, 30.0, 60.0, 80.0]):
-        platform = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0, inclination, 0.0])
+        board = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0, inclination, 0.0])
         normal = rotation_from_car(0.0, inclination)[:, 2]
         attitude = np.array(from_euler(0.0, -inclination, 0.0))
-        assert platform_visibility(platform[:3] + below * normal, attitude, platform, row) == 1
+        assert board_row_visibility(board[:3] + below * normal, attitude, board, row) == 1
     without = camera.row(Board(tags=BOARD.tags[:6]))
-    assert platform_visibility(platform[:3] + below * normal, attitude, platform, without) == 0
+    assert board_row_visibility(board[:3] + below * normal, attitude, board, without) == 0
 
 
 def test_black_rectangles_are_the_bitmap():

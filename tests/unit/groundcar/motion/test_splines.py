@@ -28,7 +28,7 @@ def drawn(seed, v_des, **options):
 
 @settings(max_examples=150)
 @given(seed=st.integers(0, 10**6), v_des=st.floats(0.0, 3.5))
-def test_curvature_keeps_the_platform_s_turn_rate_within_the_limit(seed, v_des):
+def test_curvature_keeps_the_board_s_turn_rate_within_the_limit(seed, v_des):
     row, _ = drawn(seed, v_des)
     assert sampled_curvature(row, 12_000) <= 1.2 / max(v_des, 0.1) * 1.001
 

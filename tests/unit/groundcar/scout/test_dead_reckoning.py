@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundcar.motion import platform as m
+from groundcar.motion import board_motion as m
 from groundcar.scout.dead_reckoning import DeadReckoning
 
 MS = 1_000_000
@@ -16,7 +16,7 @@ def test_a_circle_is_followed_exactly_however_often_the_car_reports(speed, turn_
     found = DeadReckoning(START, 1.5, 0.7)
     for k in range(0, 1001, step_ms):
         found.add(k * MS, speed, turn_rate)
-    row = found.platform_row(1000 * MS)
+    row = found.board_row(1000 * MS)
     heading = START[2] + turn_rate
     if abs(turn_rate) < 1e-6:
         x, y = START[0] + speed * math.cos(START[2]), START[1] + speed * math.sin(START[2])
@@ -29,15 +29,15 @@ def test_a_circle_is_followed_exactly_however_often_the_car_reports(speed, turn_
 
 
 def test_it_stands_where_it_was_put_until_the_car_speaks():
-    row = DeadReckoning(START, 1.5, 0.7).platform_row(5000 * MS)
+    row = DeadReckoning(START, 1.5, 0.7).board_row(5000 * MS)
     assert (row[m.X], row[m.Y], row[m.HEADING], row[m.SPEED]) == (*START, 0.0)
 
 
 def test_between_reports_it_drives_on_but_not_for_ever():
     found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
     found.add(0, 2.0, 0.0)
-    assert found.platform_row(100 * MS)[m.X] == pytest.approx(0.2)
-    assert found.platform_row(9000 * MS)[m.X] == pytest.approx(1.0), "half a second's worth"
+    assert found.board_row(100 * MS)[m.X] == pytest.approx(0.2)
+    assert found.board_row(9000 * MS)[m.X] == pytest.approx(1.0), "half a second's worth"
 
 
 @pytest.mark.parametrize(("stamp", "speed"), [(10 * MS, 5.0), (20 * MS, 5.0), (30 * MS, math.nan)])
@@ -46,4 +46,4 @@ def test_old_reports_and_garbage_change_nothing(stamp, speed):
     found.add(0, 1.0, 0.0)
     found.add(20 * MS, 1.0, 0.0)
     found.add(stamp, speed, 0.0)
-    assert found.platform_row(40 * MS)[m.X] == pytest.approx(0.04)
+    assert found.board_row(40 * MS)[m.X] == pytest.approx(0.04)

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
+from groundcar.motion import board_motion as m
 from groundcar.motion import paths as t
-from groundcar.motion import platform as m
 from groundcar.motion import speed_laws as s
 from groundcar.motion.kinematics import accelerate, drive
 from groundcar.motion.splines import random_spline

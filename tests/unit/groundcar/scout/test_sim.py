@@ -248,7 +248,7 @@ def test_equal_seeds_give_equal_cars_whatever_the_host_s_period(bus):
 
 def test_the_board_s_row(bench):
     bench.enable().run(2.0, speed=1.0, turn=0.4)
-    row = bench.car.platform_row(1.5, 1.2)
+    row = bench.car.board_row(1.5, 1.2)
     assert list(row) == [
         *bench.car.pose[:2],
         1.5,

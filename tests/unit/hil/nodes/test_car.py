@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from groundcar.motion import platform as m
+from groundcar.motion import board_motion as m
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import Command, ScoutLink
 from groundcar.scout.follower import CarRef
@@ -69,11 +69,11 @@ def test_a_trip_silences_the_bus_for_good_so_that_the_car_stops_itself():
     assert car.feedback[-1].speed > 1.0
     car.run(0.02, drive(math.nan))
     car.sent.clear()
-    before = car.sim.platform_row(0.0, 0.0)[m.X]
+    before = car.sim.board_row(0.0, 0.0)[m.X]
     car.run(2.0, drive(1.5))
     assert car.sent == []
     assert car.feedback[-1].speed == pytest.approx(0.0, abs=0.03), "the Scout's own 500 ms watchdog"
-    assert car.sim.platform_row(0.0, 0.0)[m.X] > before
+    assert car.sim.board_row(0.0, 0.0)[m.X] > before
     assert [text for text in car.texts if "tripped" in text] == ["gate tripped: command is not finite"]
     assert next(e for e in car.events if "tripped" in e.text).severity == "error"
 
@@ -132,7 +132,7 @@ def test_simulated_sensors_see_a_real_car_where_its_wheels_say_it_is():
             heard = ("car/command", CarCommand(car.now, 1.0, 0.2))
             boards += [out.message for out in node.step(car.now, filled(node, heard)) if out.topic == "truth/board"]
         car.now += 4 * MS
-    row = car.sim.platform_row(1.5, 0.7)
+    row = car.sim.board_row(1.5, 0.7)
     board = boards[-1]
     driven = math.dist((1.0, 2.0), board.position[:2])
     assert driven > 2.0

@@ -36,7 +36,7 @@ def test_verdict_first_then_the_papers_row(full, golden):
     assert full.text.index("Perched within tolerance") < full.text.index("The paper's row")
     assert f"{score['metrics']['planar']:.3f} m" in full.text
     assert "≤ 0.20" in full.text and "≤ 11.46" in full.text
-    assert "0.50 to 2.35" in full.text  # published platform speed of Simple-II
+    assert "0.50 to 2.35" in full.text  # published board speed of Simple-II
     assert "score.json against the recording agrees" in full.text
     assert "The recording is incomplete" not in full.text
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundcar.motion.platform import SPEED_ROW
+from groundcar.motion.board_motion import SPEED_ROW
 from groundcar.motion.speed_laws import V2 as HIGHEST
 from groundcar.motion.speed_laws import V as LOWEST
 from policies.environment.config import FAMILIES, TICK, EnvConfig

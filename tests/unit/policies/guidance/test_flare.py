@@ -32,27 +32,27 @@ STEEP = math.radians(70.0)
 ASKED = [0.3, -0.2, 0.4, 11.0]
 
 
-def flared(platform, p, v, q, out, before=(0.0, 0.0), gain=1.0):
+def flared(board, p, v, q, out, before=(0.0, 0.0), gain=1.0):
     out = np.array(out, dtype=np.float64)
-    late_flare(p, v, q, platform, np.array(before), gain * THRUST_MAX, LEAN, BELOW, RADIUS, RATE_MAX, out)
+    late_flare(p, v, q, board, np.array(before), gain * THRUST_MAX, LEAN, BELOW, RADIUS, RATE_MAX, out)
     return out
 
 
 def fly(law, rate=-2.0, gain=0.8):
     """A weak drone with all its thrust on, 0.75 m before a steep board, turning as gently as networks did: the angle
     between body z and normal at contact, rad."""
-    platform, p, v, q = situation(STEEP, 1.05, 0.0, 0.2, closing=3.2, speed=0.0, heading=0.0)
-    n = np.array(board_normal(platform))
+    board, p, v, q = situation(STEEP, 1.05, 0.0, 0.2, closing=3.2, speed=0.0, heading=0.0)
+    n = np.array(board_normal(board))
     asked, rates, dt = np.array([0.0, rate, 0.0, 0.0]), np.array([0.0, rate, 0.0]), 0.002
     for k in range(500):
         z = np.array(body_z(q))
         cosine = float(n @ z)
         edge = BELOW * cosine + RADIUS * math.sqrt(max(0.0, 1.0 - cosine * cosine))
-        if n @ (p - platform[:3]) <= edge:
+        if n @ (p - board[:3]) <= edge:
             return math.acos(min(1.0, cosine))
         if k % 5 == 0:
             asked = np.array([0.0, rate, 0.0, 0.0])
-            asked = flared(platform, p, v, q, asked, rates[:2], gain) if law else asked
+            asked = flared(board, p, v, q, asked, rates[:2], gain) if law else asked
         rates = rates + (asked[:3] - rates) * dt / LAG
         q = np.array(integrate(q, *rates, dt))
         v = v + dt * (gain * THRUST_MAX * z - np.array([0.0, 0.0, GRAVITY]))
@@ -94,18 +94,18 @@ def test_nothing_changes_for_who_is_slow_aside_turned_away_or_stops_before_it(ch
     st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
 )  # fmt: skip
 def test_kernel_and_network_say_the_same(inclination, lean, tilt, left, closing, turn, heading, gain, actions):
-    platform, p, v, q = situation(inclination, lean, tilt, left, closing, turn=turn, heading=heading)
+    board, p, v, q = situation(inclination, lean, tilt, left, closing, turn=turn, heading=heading)
     asked, before = np.array(actions[:4]), np.array(actions[4:])
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
-    push_history(platform, 0.0, history)
+    push_history(board, 0.0, history)
     build_observation(history, p, v, q, 1.0, before, gain, 0.2, 0.0, 1, 0.0, observation)
     seen = torch.from_numpy(observation).double()[None]
     tail = seen[:, TAIL:]
     got = flared_action(seen[:, NEWEST:TAIL], tail, torch.tensor(asked)[None], torch.tensor([LEAN]))[0].numpy()
     command = [*(RATE_MAX * asked[:3]), asked[3]]
     # Rounding to float32 may decide whether it is the last moment: then both answers stand for the same
-    n, answers = np.array(board_normal(platform)), []
+    n, answers = np.array(board_normal(board)), []
     for e, f in itertools.product((-1e-5, 0.0, 1e-5), repeat=2):
-        answers.append(flared(platform, p + e * n, v - f * n, q, command, RATE_MAX * before[:2], gain))
+        answers.append(flared(board, p + e * n, v - f * n, q, command, RATE_MAX * before[:2], gain))
     scaled = [np.array([*(answer[:3] / RATE_MAX), answer[3]]) for answer in answers]
     assert min(np.abs(got - each).max() for each in scaled) < 2e-3

@@ -31,9 +31,9 @@ INTO = 0.5
 DRAG = 0.2
 
 
-def observed(platform, p, v, q, before=0.0, gain=1.0, sigma=0.001):
+def observed(board, p, v, q, before=0.0, gain=1.0, sigma=0.001):
     history, observation = np.zeros(history_dim(1)), np.zeros(OBS_DIM, dtype=np.float32)
-    push_history(platform, 0.0, history)
+    push_history(board, 0.0, history)
     build_observation(history, p, v, q, 1.0, np.array([0.0, 0.0, 0.0, before]), gain, DRAG, sigma, 1, 0.0, observation)
     return torch.from_numpy(observation)[None]
 
@@ -46,26 +46,26 @@ def softened(here, thrust=-0.2, rates=(0.1, -0.4, 0.2), **told):
 
 def climbing(inclination, closing, left, thrust=-0.2):
     """On its way to a contact without sliding: gravity takes what speed it has up the slope."""
-    platform, p, v, q = situation(inclination, 0.0, 0.0, left, closing=closing)
-    c, s = math.cos(platform[3]), math.sin(platform[3])
+    board, p, v, q = situation(inclination, 0.0, 0.0, left, closing=closing)
+    c, s = math.cos(board[3]), math.sin(board[3])
     up = np.array([math.cos(inclination) * c, math.cos(inclination) * s, math.sin(inclination)])
-    return platform, p, v + left * GRAVITY * math.sin(inclination) * up, q
+    return board, p, v + left * GRAVITY * math.sin(inclination) * up, q
 
 
 def impact(inclination, closing, thrust, gain, law):
     """Speed into the board (m/s) after WITHIN s of thrust alone, motors following with a first-order lag."""
-    platform, p, v, q = climbing(inclination, closing, WITHIN)
-    n, z = np.array(board_normal(platform)), np.array(body_z(q))
+    board, p, v, q = climbing(inclination, closing, WITHIN)
+    n, z = np.array(board_normal(board)), np.array(body_z(q))
     dt, asked, given = 0.001, thrust, thrust
-    ahead = platform[4] * np.array([math.cos(platform[3]), math.sin(platform[3]), 0.0])
+    ahead = board[4] * np.array([math.cos(board[3]), math.sin(board[3]), 0.0])
     for k in range(400):
         if law and k % 10 == 0:
-            asked = float(softened((platform, p, v, q), thrust, before=asked, gain=gain)[3])
+            asked = float(softened((board, p, v, q), thrust, before=asked, gain=gain)[3])
         given += (asked - given) * dt / 0.03
         force = gain * (THRUST_MIN + 0.5 * (given + 1.0) * (THRUST_MAX - THRUST_MIN))
         v = v + dt * (force * z - np.array([0.0, 0.0, GRAVITY]) - DRAG * v)
-        p, platform[:3] = p + dt * v, platform[:3] + dt * ahead
-        if (p - platform[:3]) @ n < BELOW + 0.1 * RADIUS:
+        p, board[:3] = p + dt * v, board[:3] + dt * ahead
+        if (p - board[:3]) @ n < BELOW + 0.1 * RADIUS:
             return float(-(v - ahead) @ n)
     raise AssertionError("it never touched")
 
@@ -109,9 +109,9 @@ def test_by_hand_on_a_flat_board():
 
 def askew():
     """Body z farther off the normal than it may be, on its way to a contact without sliding."""
-    platform, p, v, q = situation(0.0, 0.66, 0.0, 0.02, closing=0.9)
+    board, p, v, q = situation(0.0, 0.66, 0.0, 0.02, closing=0.9)
     zx, zy, _ = body_z(q)
-    return platform, p, v - 0.45 * np.array([zx, zy, 0.0]), q
+    return board, p, v - 0.45 * np.array([zx, zy, 0.0]), q
 
 
 @pytest.mark.parametrize(
@@ -134,11 +134,9 @@ def test_a_surface_seen_poorly_is_met_as_before_and_half_well_half_so():
 
 
 def test_who_slides_does_not_brake():
-    platform, p, v, q = situation(0.0, 0.0, 0.0, 0.1, closing=0.9)
+    board, p, v, q = situation(0.0, 0.0, 0.0, 0.1, closing=0.9)
     aside = np.array([-math.sin(0.4), math.cos(0.4), 0.0])
-    raised = [
-        float(softened((platform, p, v + speed * aside, q))[3]) + 0.2 for speed in (0.0, 0.225, SLIDING[1] + 0.05)
-    ]
+    raised = [float(softened((board, p, v + speed * aside, q))[3]) + 0.2 for speed in (0.0, 0.225, SLIDING[1] + 0.05)]
     assert raised[0] > raised[1] > 0.05
     assert raised[2] == pytest.approx(0.0, abs=1e-6)
 

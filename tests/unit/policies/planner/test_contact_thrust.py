@@ -24,19 +24,19 @@ def land(
     """Fly the last moment in the board's plane with body z `lean` rad from the normal. (into, along) m/s at contact.
 
     The board is `off` m farther along its normal than it is believed to be."""
-    platform, h, t, dt = board(inclination, speed), height, 0.0, 0.0025
-    n = np.array(board_normal(platform))
+    board_row, h, t, dt = board(inclination, speed), height, 0.0, 0.0025
+    n = np.array(board_normal(board_row))
     u = np.array([math.cos(inclination), 0.0, math.sin(inclination)])
     v = -closing * n + along * u + np.array([speed, 0.0, 0.0])
     z = math.cos(lean) * n + math.sin(lean) * u
     edge = PARAMS.robot_l * math.cos(lean) + PARAMS.robot_r * abs(math.sin(lean))
     for _ in range(400):
-        p = platform[:3] + (h - off + edge) * n
-        f = touch_thrust(p, v, *z, platform, acceleration, left - t, planned, planned, 1.0, sigma, ROW)
+        p = board_row[:3] + (h - off + edge) * n
+        f = touch_thrust(p, v, *z, board_row, acceleration, left - t, planned, planned, 1.0, sigma, ROW)
         assert PARAMS.thrust_min - 1e-9 <= f <= PARAMS.thrust_max + 1e-9
         v = v + dt * (f * z - np.array([0.0, 0.0, G]))
-        platform[4] += acceleration * dt
-        relative = v - np.array([platform[4], 0.0, 0.0])
+        board_row[4] += acceleration * dt
+        relative = v - np.array([board_row[4], 0.0, 0.0])
         h += dt * float(relative @ n)
         t += dt
         if h <= 0.0:
@@ -78,14 +78,14 @@ def test_told_how_well_it_knows_the_surface_it_skids_less_wherever_that_is(incli
     st.floats(0.0, 0.1),
 )  # fmt: skip
 def test_any_thrust_is_within_what_can_be_asked(inclination, height, closing, along, left, sigma):
-    platform = board(inclination)
-    n = np.array(board_normal(platform))
+    board_row = board(inclination)
+    n = np.array(board_normal(board_row))
     u = np.array([math.cos(inclination), 0.0, math.sin(inclination)])
-    p = platform[:3] + (height + PARAMS.robot_l) * n
-    f = touch_thrust(p, along * u - closing * n, *n, platform, 0.0, left, 9.0, 9.0, 1.0, sigma, ROW)
+    p = board_row[:3] + (height + PARAMS.robot_l) * n
+    f = touch_thrust(p, along * u - closing * n, *n, board_row, 0.0, left, 9.0, 9.0, 1.0, sigma, ROW)
     assert PARAMS.thrust_min <= f <= PARAMS.thrust_max
 
 
 def test_far_from_the_normal_the_plan_counts():
-    p, v, platform = np.array([-1.0, 0.0, 1.6]), np.zeros(3), board(1.2)
-    assert touch_thrust(p, v, 0.0, 0.0, 1.0, platform, 0.0, 0.2, 9.3, 9.3, 1.0, 0.02, ROW) == 9.3
+    p, v, board_row = np.array([-1.0, 0.0, 1.6]), np.zeros(3), board(1.2)
+    assert touch_thrust(p, v, 0.0, 0.0, 1.0, board_row, 0.0, 0.2, 9.3, 9.3, 1.0, 0.02, ROW) == 9.3

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from policies.planner import follow as pf
 from policies.planner import params as pp
 from policies.planner.params import PlannerParams
-from vehicle.camera.pinhole import Camera, platform_visibility
+from vehicle.camera.pinhole import Camera, board_row_visibility
 from vehicle.quadrotor.airframe import load_airframe
 from vehicle.quadrotor.dynamics import P, Q, V, vehicle_row
 from vehicle.quadrotor.rate_control import fly
@@ -20,24 +20,24 @@ def fly_follow(inclination, speed, turn, seconds, start=(-2.0, 1.0, 3.2)):
     airframe = load_airframe("paper_quad")
     params, camera = airframe.params_row(), Camera().row()
     row, out = vehicle_row(start, motor=airframe.hover_thrust), np.zeros(4)
-    platform, seen = np.array([0, 0, 1.5, 0.0, speed, turn, inclination, 0.0]), []
+    board, seen = np.array([0, 0, 1.5, 0.0, speed, turn, inclination, 0.0]), []
     for _ in range(int(seconds * 100)):
-        pf.follow(row[P : P + 3], row[V : V + 3], row[Q : Q + 4], platform, 0.0, 1.0, ROW, out)
+        pf.follow(row[P : P + 3], row[V : V + 3], row[Q : Q + 4], board, 0.0, 1.0, ROW, out)
         fly(row, out, params, 0.01, 5)
-        platform[3] += 0.01 * turn
-        platform[0] += 0.01 * speed * math.cos(platform[3])
-        platform[1] += 0.01 * speed * math.sin(platform[3])
-        seen.append(platform_visibility(row[P : P + 3], row[Q : Q + 4], platform, camera))
-    return row, platform, np.array(seen)
+        board[3] += 0.01 * turn
+        board[0] += 0.01 * speed * math.cos(board[3])
+        board[1] += 0.01 * speed * math.sin(board[3])
+        seen.append(board_row_visibility(row[P : P + 3], row[Q : Q + 4], board, camera))
+    return row, board, np.array(seen)
 
 
 @pytest.mark.parametrize(
     ("inclination", "speed", "turn"), [(0.0, 0.0, 0.0), (0.5, 1.5, 0.0), (0.7, 2.0, 0.3), (0.2, -1.0, 0.0)]
 )
 def test_it_settles_behind_and_above_the_board_matches_its_motion_and_sees_it(inclination, speed, turn):
-    row, platform, seen = fly_follow(inclination, speed, turn, 7.0)
-    c, s = math.cos(platform[3]), math.sin(platform[3])
-    d = row[P : P + 3] - platform[:3]
+    row, board, seen = fly_follow(inclination, speed, turn, 7.0)
+    c, s = math.cos(board[3]), math.sin(board[3])
+    d = row[P : P + 3] - board[:3]
     behind, aside = -(d[0] * c + d[1] * s), -s * d[0] + c * d[1]
     up = ROW[pp.ELEVATION_FLAT] + min(1.0, inclination / math.radians(60)) * (
         ROW[pp.ELEVATION] - ROW[pp.ELEVATION_FLAT]
@@ -52,9 +52,9 @@ def test_it_settles_behind_and_above_the_board_matches_its_motion_and_sees_it(in
 @settings(max_examples=60, deadline=None)
 @given(st.floats(-9, 9), st.floats(-9, 9), st.floats(0.8, 5.0), st.floats(-0.5, 2.0), st.floats(-3.0, 3.0))
 def test_keeping_in_view_limits_only_what_points_at_the_board(ax, ay, away, above, bearing):
-    platform = np.array([away * math.cos(bearing), away * math.sin(bearing), 1.5, 0, 0, 0, 0, 0.0])
+    board = np.array([away * math.cos(bearing), away * math.sin(bearing), 1.5, 0, 0, 0, 0, 0.0])
     p = np.array([0.0, 0.0, 1.5 + above])
-    bx, by = pf.keep_in_view(ax, ay, p, platform, ROW)
+    bx, by = pf.keep_in_view(ax, ay, p, board, ROW)
     c, s = math.cos(bearing), math.sin(bearing)
     assert -s * bx + c * by == pytest.approx(-s * ax + c * ay, abs=1e-9)
     before, after = c * ax + s * ay, c * bx + s * by
@@ -71,9 +71,9 @@ def test_hold_comes_to_rest_and_a_miss_is_left_upward():
         pf.hold(row[Q : Q + 4], row[V : V + 3], 0.0, 1.0, ROW, out)
         fly(row, out, params, 0.01, 5)
     assert np.linalg.norm(row[V : V + 3]) < 0.15
-    platform = np.array([0.1, 0, 1.5, 0, 0, 0, 1.2, 0.0])
+    board = np.array([0.1, 0, 1.5, 0, 0, 0, 1.2, 0.0])
     row = vehicle_row((-0.1, 0, 1.6), (math.cos(-0.5), 0, math.sin(-0.5), 0), airframe.hover_thrust)
     for _ in range(80):
-        pf.climb_away(row[P : P + 3], row[V : V + 3], row[Q : Q + 4], platform, 1.0, ROW, out)
+        pf.climb_away(row[P : P + 3], row[V : V + 3], row[Q : Q + 4], board, 1.0, ROW, out)
         fly(row, out, params, 0.01, 5)
     assert row[P] < -0.5 and row[P + 2] > 0.4

@@ -60,29 +60,29 @@ def test_along_it_the_camera_sees_the_board_s_front_tag(away):
 
 
 def test_on_its_way_down_it_asks_for_little():
-    out, platform = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
+    out, board = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
     away = 0.6
     closing, sink, height, _ = glide_reference(away, SINK)
     p = np.array([-away, 0.0, 1.5 + PLANNER[pp.ROBOT_L] + height])
     v = np.array([3.0 + closing, 0.0, -sink * closing])
-    assert not glide(p, v, LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
+    assert not glide(p, v, LEVEL, board, 0.0, 0.0, 1.0, PLANNER, out)
     assert np.abs(out[:3]).max() < 0.7
     assert out[3] == pytest.approx(9.8, abs=0.5)
 
 
 @pytest.mark.parametrize(("away", "sinks"), [(0.15, True), (0.3, False)])
 def test_too_low_it_climbs_back_but_over_the_board_it_touches(away, sinks):
-    out, platform = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
+    out, board = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
     p = np.array([-away, 0.0, 1.5 + PLANNER[pp.ROBOT_L] + 0.02])
-    glide(p, np.array([3.0, 0.0, 0.0]), LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
+    glide(p, np.array([3.0, 0.0, 0.0]), LEVEL, board, 0.0, 0.0, 1.0, PLANNER, out)
     assert out[3] < 8.5 if sinks else out[3] > 9.8
 
 
 def asked(height, sinking=0.4, side=0.0, turn=0.0):
     """Rates (roll, pitch) that a level drone asks for just behind a board at 3 m/s, in place but for `side` m."""
-    out, platform = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, turn, 0, 0])
+    out, board = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, turn, 0, 0])
     p = np.array([-0.1, side, 1.5 + PLANNER[pp.ROBOT_L] + height])
-    glide(p, np.array([3.3, 0.0, -sinking]), LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out)
+    glide(p, np.array([3.3, 0.0, -sinking]), LEVEL, board, 0.0, 0.0, 1.0, PLANNER, out)
     assert out[3] == pytest.approx(9.8, abs=1.0)  # what it leans is sideways thrust, not less of it upward
     return out[:2]
 
@@ -100,16 +100,16 @@ def test_what_it_is_off_to_the_side_counts_for_more_the_lower_it_is():
 
 @pytest.mark.parametrize(("x", "z", "missed"), [(0.5, 1.8, True), (-0.1, 1.4, True), (-0.5, 1.4, False)])
 def test_a_board_passed_over_or_under_was_missed(x, z, missed):
-    platform, out = np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0]), np.zeros(4)
-    assert glide(np.array([x, 0.0, z]), np.zeros(3), LEVEL, platform, 0.0, 0.0, 1.0, PLANNER, out) is missed
+    board, out = np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0]), np.zeros(4)
+    assert glide(np.array([x, 0.0, z]), np.zeros(3), LEVEL, board, 0.0, 0.0, 1.0, PLANNER, out) is missed
     assert np.isfinite(out).all()
 
 
 def test_after_a_miss_it_climbs_away():
-    state, out, platform = np.zeros(pl.PLANNER_DIM), np.zeros(4), np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0])
+    state, out, board = np.zeros(pl.PLANNER_DIM), np.zeros(4), np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0])
     pl.planner_reset(state, 0.0, PLANNER)
-    estimate, future = np.array([1.0, 0.01, 0.1, 0.0, 20.0, 0.0]), np.tile(platform, (HORIZON, 1))
-    arguments = (LEVEL, platform, estimate, future, STEP, PLANNER, out)
+    estimate, future = np.array([1.0, 0.01, 0.1, 0.0, 20.0, 0.0]), np.tile(board, (HORIZON, 1))
+    arguments = (LEVEL, board, estimate, future, STEP, PLANNER, out)
     phases = [
         pl.planner_step(state, 0.01 * k, np.array([x, 0.0, 1.8]), np.zeros(3), *arguments)
         for k, x in enumerate((-0.5, 0.5, 0.5))

@@ -107,14 +107,14 @@ def test_a_belief_that_is_lost_gives_a_plan_up_before_it_is_too_late():
     )
     pl.planner_reset(state, 0.0, PLANNER)
     pl.certain(estimate)
-    platform = np.array([2.0, 0, 1.5, 0, 0, 0, 0.6, 0.0])
-    future[:] = platform
+    board = np.array([2.0, 0, 1.5, 0, 0, 0, 0.6, 0.0])
+    future[:] = board
     phases = []
     for k in range(60):
         estimate[pl.E_AGE] = 0.0 if k < 20 else 2.0
         phases.append(
             pl.planner_step(
-                state, 0.01 * k, np.array([0, 0, 2.3]), np.zeros(3), np.array([1.0, 0, 0, 0]), platform, estimate,
+                state, 0.01 * k, np.array([0, 0, 2.3]), np.zeros(3), np.array([1.0, 0, 0, 0]), board, estimate,
                 future, STEP, PLANNER, out,
             )
         )  # fmt: skip

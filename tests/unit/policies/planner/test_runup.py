@@ -61,17 +61,17 @@ def test_at_its_starting_point_with_the_board_s_speed_it_only_holds():
     inclination, speed = math.radians(70.0), 1.5
     left = ru.runup_time(inclination, ROW)
     x, z, *_ = ru.runup_reference(left, inclination, ROW)
-    platform = np.array([3.0, 1.0, 1.5, 0.5, speed, 0.0, inclination, 0.0])
+    board = np.array([3.0, 1.0, 1.5, 0.5, speed, 0.0, inclination, 0.0])
     c, s, out = math.cos(0.5), math.sin(0.5), np.zeros(4)
     p = np.array([3.0 + x * c, 1.0 + x * s, 1.5 + z])
     v = np.array([speed * c, speed * s, 0.0])
     q = np.array([math.cos(0.25), 0.0, 0.0, math.sin(0.25)])
-    error, rate = ru.fly_runup(left, True, p, v, q, platform, 0.0, 1.0, ROW, out)
+    error, rate = ru.fly_runup(left, True, p, v, q, board, 0.0, 1.0, ROW, out)
     assert (error, rate) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert (
         out[3] == pytest.approx(ROW[pp.GRAVITY], abs=0.05) and abs(out[0]) < 1e-9 and out[1] > 0
     )  # leans into the drag
-    moving, _ = ru.fly_runup(left - 1.0, False, p, v, q, platform, 0.0, 1.0, ROW, out)
+    moving, _ = ru.fly_runup(left - 1.0, False, p, v, q, board, 0.0, 1.0, ROW, out)
     assert moving > 0.3 and out[1] > 0.5  # behind: nose down
 
 
@@ -83,12 +83,12 @@ def test_to_its_starting_point_it_flies_at_a_speed_by_the_distance_up_to_a_limit
     drag_free[pp.DRAG] = 0.0
     left = ru.runup_time(inclination, ROW)
     x, z, *_ = ru.runup_reference(left, inclination, ROW)
-    platform = np.array([0.0, 0.0, 1.5, 0.0, 2.0, 0.0, inclination, 0.0])
+    board = np.array([0.0, 0.0, 1.5, 0.0, 2.0, 0.0, inclination, 0.0])
     p, level = np.array([x - behind, 0.0, 1.5 + z]), np.array([1.0, 0.0, 0.0, 0.0])
     pitch_rates = []
     for faster in (-0.2, 0.0, 0.2):
         out, v = np.zeros(4), np.array([2.0 + closing + faster, 0.0, 0.0])
-        ru.fly_runup(left, True, p, v, level, platform, 0.0, 1.0, drag_free, out)
+        ru.fly_runup(left, True, p, v, level, board, 0.0, 1.0, drag_free, out)
         pitch_rates.append(out[1])
     assert pitch_rates[0] > 0.1 and abs(pitch_rates[1]) < 1e-6 and pitch_rates[2] < -0.1
 
@@ -137,5 +137,5 @@ def test_a_board_that_was_slow_a_moment_ago_is_waited_for_although_nothing_is_fo
      (2.0, 63.0, True), (-2.0, 63.0, True), (2.0, 61.0, False)],
 )  # fmt: skip
 def test_a_slow_board_has_to_be_steeper_for_a_run_up(speed, degrees, runs):
-    platform = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, math.radians(degrees), 0.0])
-    assert ru.runs_up(platform, ROW) == runs
+    board = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, math.radians(degrees), 0.0])
+    assert ru.runs_up(board, ROW) == runs

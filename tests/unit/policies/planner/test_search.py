@@ -9,7 +9,7 @@ from policies.planner import params as pp
 from policies.planner import polynomial as poly
 from policies.planner import search as ps
 from policies.planner.params import PlannerParams
-from policies.prediction.future import CTRV, HORIZON, STEP, platform_at, predict_future
+from policies.prediction.future import CTRV, HORIZON, STEP, board_at, predict_future
 
 ROW = PlannerParams().row()
 
@@ -24,8 +24,8 @@ def scene(inclination, speed, turn, behind=1.8, above=0.8):
 
 def find(future, start, params=ROW, low=0.6, high=2.6, remaining=0.0, gain=1.0):
     best = np.zeros(ps.MOTION_DIM)
-    scratch, target, platform = np.zeros(ps.MOTION_DIM), np.zeros(8), np.zeros(8)
-    found = ps.search(start, future, STEP, 0.0, gain, low, high, 15, remaining, params, best, scratch, target, platform)
+    scratch, target, board = np.zeros(ps.MOTION_DIM), np.zeros(8), np.zeros(8)
+    found = ps.search(start, future, STEP, 0.0, gain, low, high, 15, remaining, params, best, scratch, target, board)
     return found, best
 
 
@@ -36,7 +36,7 @@ def test_a_plan_ends_on_the_board_at_the_impact_speed_with_thrust_leaning_up_the
     (cost, duration, thrust), motion = find(future, start)
     assert math.isfinite(cost)
     board, n = np.zeros(8), np.zeros(3)
-    platform_at(future, STEP, duration, board)
+    board_at(future, STEP, duration, board)
     n[:] = ps.board_normal(board)
     end = [
         np.array([f(motion, 7 * i, duration) for i in range(3)])
@@ -59,7 +59,7 @@ def test_a_cheap_plan_stays_over_the_board_s_plane_and_within_the_thrust():
     assert cost < 3.0
     board = np.zeros(8)
     for t in np.linspace(0.0, duration - 0.05, 60):
-        platform_at(future, STEP, t, board)
+        board_at(future, STEP, t, board)
         p = np.array([poly.position(motion, 7 * i, t) for i in range(3)])
         assert np.dot(ps.board_normal(board), p - board[:3]) > 0.0 and p[2] > 0.3
         a = np.array([poly.acceleration(motion, 7 * i, t) for i in range(3)])

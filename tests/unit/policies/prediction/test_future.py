@@ -38,21 +38,21 @@ def test_acceleration_decays():
 def test_interpolation_is_exact_on_rows_close_between_them_and_goes_on_after_the_last():
     future, row = np.stack([truth(0.05 * k) for k in range(64)]), np.zeros(8)
     for t in (0.0, 0.5, 3.15):
-        pr.platform_at(future, 0.05, t, row)
+        pr.board_at(future, 0.05, t, row)
         assert row == pytest.approx(truth(t), abs=1e-9)
     for t in (0.027, 1.333, 3.149):
-        pr.platform_at(future, 0.05, t, row)
+        pr.board_at(future, 0.05, t, row)
         assert row == pytest.approx(truth(t), abs=1e-5)
-    pr.platform_at(future, 0.05, 3.5, row)
+    pr.board_at(future, 0.05, 3.5, row)
     assert row == pytest.approx(truth(3.5), abs=1e-3)
-    pr.platform_at(future, 0.05, -1.0, row)
+    pr.board_at(future, 0.05, -1.0, row)
     assert row[0] == pytest.approx(-2.0, abs=0.2)
 
 
 def test_headings_are_interpolated_across_pi():
     future, row = np.zeros((3, 8)), np.zeros(8)
     future[:, 3] = (3.12, -3.14, -3.12)
-    pr.platform_at(future, 0.05, 0.025, row)
+    pr.board_at(future, 0.05, 0.025, row)
     assert abs(row[3]) == pytest.approx(math.pi - 0.01, abs=0.01)
 
 

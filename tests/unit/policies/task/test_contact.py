@@ -14,28 +14,28 @@ def board(inclination=0.0, heading=0.0, speed=0.0, turn_rate=0.0, at=(0.0, 0.0, 
     return np.array([*at, heading, speed, turn_rate, inclination, 0.0])
 
 
-def axes(platform):
-    h, i = platform[3], platform[6]
+def axes(board):
+    h, i = board[3], board[6]
     up = np.array([math.cos(i) * math.cos(h), math.cos(i) * math.sin(h), math.sin(i)])
     left = np.array([-math.sin(h), math.cos(h), 0.0])
     return up, left, np.cross(up, left)
 
 
-def aligned(platform):
+def aligned(board):
     """Quaternion of a body whose axes are the board's: Rz(heading) Ry(-inclination)."""
-    h, i = platform[3] / 2, -platform[6] / 2
+    h, i = board[3] / 2, -board[6] / 2
     return np.array(
         [math.cos(h) * math.cos(i), -math.sin(h) * math.sin(i), math.cos(h) * math.sin(i), math.sin(h) * math.cos(i)]
     )
 
 
-def touch(platform, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elapsed=1.0, rules=RULES):
-    up, left, n = axes(platform)
-    car = platform[4] * np.array([math.cos(platform[3]), math.sin(platform[3]), 0.0])
-    p = platform[:3] + x * up + y * left + (rules.robot_l - depth) * n
+def touch(board, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elapsed=1.0, rules=RULES):
+    up, left, n = axes(board)
+    car = board[4] * np.array([math.cos(board[3]), math.sin(board[3]), 0.0])
+    p = board[:3] + x * up + y * left + (rules.robot_l - depth) * n
     v = car + normal * n + along * up
     out = np.zeros(c.RESULT_DIM)
-    code = c.evaluate(p, v, aligned(platform) if q is None else q, np.zeros(3), platform, elapsed, rules.row(), out)
+    code = c.evaluate(p, v, aligned(board) if q is None else q, np.zeros(3), board, elapsed, rules.row(), out)
     return code, c.view(out)
 
 
@@ -110,14 +110,14 @@ def test_far_below_the_plane_but_out_of_reach_is_not_contact():
 
 
 def test_speeds_account_for_the_turning_board_and_the_turning_drone():
-    platform = board(speed=1.0, turn_rate=1.0)
+    board_row = board(speed=1.0, turn_rate=1.0)
     x = 0.1
-    p = platform[:3] + np.array([x, 0.0, RULES.robot_l - 0.001])
+    p = board_row[:3] + np.array([x, 0.0, RULES.robot_l - 0.001])
     level = np.array([1.0, 0.0, 0.0, 0.0])
     out = np.zeros(c.RESULT_DIM)
-    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 0.0, 1.0]), platform, 0.0, RULES.row(), out)
+    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 0.0, 1.0]), board_row, 0.0, RULES.row(), out)
     assert c.view(out).tangential_speed == pytest.approx(0.0, abs=1e-12)
-    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 2.0, 0.0]), platform, 0.0, RULES.row(), out)
+    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 2.0, 0.0]), board_row, 0.0, RULES.row(), out)
     assert c.view(out).tangential_speed == pytest.approx(2.0 * RULES.robot_l)
 
 

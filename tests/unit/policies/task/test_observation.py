@@ -28,7 +28,7 @@ from policies.task.observation import (
 )
 
 AHEAD = np.eye(8)[0]
-PLATFORM = np.array([3.0, 4.0, 1.5, 0.5, 2.0, 0.3, 0.7, 0.0])
+BOARD = np.array([3.0, 4.0, 1.5, 0.5, 2.0, 0.3, 0.7, 0.0])
 
 
 def quaternion(roll, pitch, yaw):
@@ -44,11 +44,11 @@ def quaternion(roll, pitch, yaw):
     )
 
 
-def observe(platforms, p, v, q, stride=1, rho=1.0, action=(0, 0, 0, 0), gain=1.0, drag=0.2, sigma=0.0):
+def observe(boards, p, v, q, stride=1, rho=1.0, action=(0, 0, 0, 0), gain=1.0, drag=0.2, sigma=0.0):
     row, out = np.zeros(history_dim(stride)), np.zeros(OBS_DIM, dtype=np.float32)
-    for i, platform in enumerate(platforms):
-        push_history(platform, 0.01 * i, row)
-    now = 0.01 * (len(platforms) - 1)
+    for i, board in enumerate(boards):
+        push_history(board, 0.01 * i, row)
+    now = 0.01 * (len(boards) - 1)
     build_observation(row, p, v, q, rho, np.array(action, dtype=float), gain, drag, sigma, stride, now, out)
     return out
 
@@ -56,7 +56,7 @@ def observe(platforms, p, v, q, stride=1, rho=1.0, action=(0, 0, 0, 0), gain=1.0
 def test_newest_entry_by_hand():
     p = np.array([1.0, 4.0, 2.5])
     told = {"rho": 0.4, "action": (0.1, 0.2, 0.3, 0.4), "gain": 1.1, "drag": 0.3, "sigma": 0.02}
-    out = observe([PLATFORM], p, np.zeros(3), quaternion(0, 0, math.pi / 2), **told)
+    out = observe([BOARD], p, np.zeros(3), quaternion(0, 0, math.pi / 2), **told)
     # drone faces +y: its x is the world's y, its y is the world's -x
     n = np.array([-math.sin(0.7) * math.cos(0.5), -math.sin(0.7) * math.sin(0.5), math.cos(0.7)])
     v = 2.0 * np.array([math.cos(0.5), math.sin(0.5)])
@@ -69,8 +69,8 @@ def test_newest_entry_by_hand():
 
 
 def test_oldest_entry_repeats_until_the_ring_is_full():
-    platforms = [PLATFORM + 0.02 * i * AHEAD for i in range(4)]
-    out = observe(platforms, np.zeros(3), np.zeros(3), quaternion(0, 0, 0)).astype(float)
+    boards = [BOARD + 0.02 * i * AHEAD for i in range(4)]
+    out = observe(boards, np.zeros(3), np.zeros(3), quaternion(0, 0, 0)).astype(float)
     entries = out[:TAIL].reshape(HISTORY, ENTRY_DIM)
     assert entries[0] == pytest.approx(entries[26])
     assert entries[26:, 0] == pytest.approx([3.0, 3.02, 3.04, 3.06], abs=1e-6)
@@ -79,8 +79,8 @@ def test_oldest_entry_repeats_until_the_ring_is_full():
 
 @pytest.mark.parametrize("stride", [1, 3, 10])
 def test_stride_spaces_the_entries(stride):
-    platforms = [PLATFORM + 0.001 * i * AHEAD for i in range(700)]
-    out = observe(platforms, np.zeros(3), np.zeros(3), quaternion(0, 0, 0), stride=stride)
+    boards = [BOARD + 0.001 * i * AHEAD for i in range(700)]
+    out = observe(boards, np.zeros(3), np.zeros(3), quaternion(0, 0, 0), stride=stride)
     times = out[:TAIL].reshape(HISTORY, ENTRY_DIM)[:, 9]
     assert times == pytest.approx(-0.01 * stride * np.arange(HISTORY - 1, -1, -1), abs=1e-5)
     x = out[:TAIL].reshape(HISTORY, ENTRY_DIM)[:, 0]
@@ -99,13 +99,13 @@ def test_blind_to_north_and_origin(turn, shift, attitude):
     q = quaternion(*attitude)
     c, s = math.cos(turn), math.sin(turn)
     spin = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    moved = PLATFORM.copy()
-    moved[:3] = spin @ PLATFORM[:3] + [*shift, 0]
+    moved = BOARD.copy()
+    moved[:3] = spin @ BOARD[:3] + [*shift, 0]
     moved[3] += turn
     half = np.array([math.cos(turn / 2), 0, 0, math.sin(turn / 2)])
     w1, z1 = half[0], half[3]
     turned = np.array([w1 * q[0] - z1 * q[3], w1 * q[1] - z1 * q[2], w1 * q[2] + z1 * q[1], w1 * q[3] + z1 * q[0]])
-    before = observe([PLATFORM], p, v, q)
+    before = observe([BOARD], p, v, q)
     after = observe([moved], spin @ p + [*shift, 0], spin @ v, turned)
     assert after == pytest.approx(before, abs=2e-5)
 
@@ -122,12 +122,12 @@ def test_builder_gives_the_kernel_s_numbers():
     builder, start_ns = ObservationBuilder(stride=3), 987_654_321_000_000_000
     row, out = np.zeros(history_dim(3)), np.zeros(OBS_DIM, dtype=np.float32)
     for i in range(150):
-        platform = PLATFORM + rng.normal(0, 0.1, 8)
+        board = BOARD + rng.normal(0, 0.1, 8)
         p, v, q = rng.normal(0, 1, 3), rng.normal(0, 1, 3), quaternion(*rng.normal(0, 0.3, 3))
         action = rng.uniform(-1, 1, 4)
-        push_history(platform, 0.01 * i, row)
+        push_history(board, 0.01 * i, row)
         build_observation(row, p, v, q, 0.8, action, 1.05, 0.3, 0.02, 3, 0.01 * i, out)
-        assert builder.push(start_ns + 10_000_000 * i, platform)
+        assert builder.push(start_ns + 10_000_000 * i, board)
         assert np.array_equal(builder.build(start_ns + 10_000_000 * i, p, v, q, 0.8, action, 1.05, 0.3, 0.02), out)
 
 
@@ -138,10 +138,10 @@ def test_between_two_steps_the_newest_entry_is_renewed():
     times = []
     for ms, between in ((0, True), (10, False), (16, True), (20, False)):  # the first of all has nothing to renew
         now_ns = start_ns + ms * 1_000_000
-        assert builder.push(now_ns, PLATFORM + ms, between)
+        assert builder.push(now_ns, BOARD + ms, between)
         out = builder.build(now_ns, p, p, q, 1.0, action)
         history = out[:TAIL].reshape(HISTORY, ENTRY_DIM)
-        assert history[-1, 0] == pytest.approx(PLATFORM[0] + ms)
+        assert history[-1, 0] == pytest.approx(BOARD[0] + ms)
         times.append(sorted({round(float(1000 * t)) for t in history[:, 9]}))
     assert times == [[0], [-10, 0], [-16, 0], [-20, -4, 0]]
 
@@ -151,9 +151,9 @@ def test_bad_input():
     p, q, a = np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros(4)
     with pytest.raises(ValueError, match="push"):
         builder.build(0, p, p, q, 1.0, a)
-    assert not builder.push(0, PLATFORM * np.nan)
+    assert not builder.push(0, BOARD * np.nan)
     assert builder.rejected == 1
-    assert builder.push(0, PLATFORM)
+    assert builder.push(0, BOARD)
     with pytest.raises(ValueError, match="not finite"):
         builder.build(0, p * np.nan, p, q, 1.0, a)
     with pytest.raises(ValueError, match="stride is 0"):

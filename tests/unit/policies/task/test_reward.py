@@ -32,11 +32,9 @@ FLAT = np.array([0.0, 0.0, 1.5, 0.0, 1.0, 0.0, 0.0, 0.0])
 ZERO3, ZERO4 = np.zeros(3), np.zeros(4)
 
 
-def shape(p, v=ZERO3, q=LEVEL, w=ZERO3, platform=FLAT, action=ZERO4, previous=ZERO4, weights=None):
+def shape(p, v=ZERO3, q=LEVEL, w=ZERO3, board=FLAT, action=ZERO4, previous=ZERO4, weights=None):
     out = np.zeros(TERMS_DIM)
-    shaping(
-        np.array(p), np.array(v), q, np.array(w), platform, action, previous, (weights or RewardWeights()).row(), out
-    )
+    shaping(np.array(p), np.array(v), q, np.array(w), board, action, previous, (weights or RewardWeights()).row(), out)
     return out
 
 
@@ -57,7 +55,7 @@ def test_guide_and_align_level_over_flat_board():
 def test_guide_and_align_with_attitude_and_velocity_error():
     inclined = FLAT.copy()
     inclined[6] = math.radians(60)
-    out = shape([0.0, 0.0, 1.5], v=[1.0, 2.0, 0.0], platform=inclined)
+    out = shape([0.0, 0.0, 1.5], v=[1.0, 2.0, 0.0], board=inclined)
     # |z_b - n| = 2 sin(30 deg) = 1; angle 60 deg: phi2 = 0.75^2; v_rel = (0, 2, 0)
     guide = 1.0 / (1.0 + 1.44)
     assert out[GUIDE] == pytest.approx(guide)

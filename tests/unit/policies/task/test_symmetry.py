@@ -16,15 +16,15 @@ torch.set_num_threads(1)
 STRIDE = 3
 VECTOR = np.array([1.0, -1.0, 1.0])
 TURN = np.array([1.0, -1.0, 1.0, -1.0])  # of a quaternion
-PLATFORM = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0])  # y, heading and turn rate change sign
+BOARD = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0])  # y, heading and turn rate change sign
 
 
 def observed(signs, seed):
-    """What is seen of random boards from a random attitude; `signs` of (vector, quaternion, platform, action)."""
-    vector, turn, platform, action = signs
+    """What is seen of random boards from a random attitude; `signs` of (vector, quaternion, board, action)."""
+    vector, turn, board, action = signs
     rng, row, out = np.random.default_rng(seed), np.zeros(history_dim(STRIDE)), np.zeros(OBS_DIM, np.float32)
     for k in range(100):
-        push_history(platform * rng.normal(0.0, 1.0, 8), 0.01 * k, row)
+        push_history(board * rng.normal(0.0, 1.0, 8), 0.01 * k, row)
     q = turn * np.array(from_euler(*rng.uniform(-1.2, 1.2, 3)))
     p, v, before = rng.normal(0.0, 3.0, 3), rng.normal(0.0, 2.0, 3), rng.uniform(-1.0, 1.0, 4)
     build_observation(row, vector * p, vector * v, q, 0.7, action * before, 1.1, 0.3, 0.01, STRIDE, 0.99, out)
@@ -35,7 +35,7 @@ def observed(signs, seed):
 def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
     ones = (np.ones(3), np.ones(4), np.ones(8), np.ones(4))
     seen = observed(ones, seed)
-    image = observed((VECTOR, TURN, PLATFORM, np.array(ACTION_SIGNS)), seed)
+    image = observed((VECTOR, TURN, BOARD, np.array(ACTION_SIGNS)), seed)
     np.testing.assert_allclose(image, seen * np.array(OBSERVATION_SIGNS, np.float32), atol=1e-5)
     assert np.abs(image - seen).max() > 0.1
 

@@ -122,10 +122,10 @@ def test_edge_of_the_picture():
 
 
 def test_a_tag_ahead_counts_though_the_board_s_centre_is_behind_the_camera():
-    platform = np.array([0.0, 0.0, 1.5, 0.0, 3.0, 0.0, 0.0, 0.0])
+    board = np.array([0.0, 0.0, 1.5, 0.0, 3.0, 0.0, 0.0, 0.0])
     level_on_it = np.array([0.0, 0.0, 1.55])
-    assert c.point_in_camera(level_on_it, LEVEL, platform[:3], ROW)[2] < 0.0
-    assert c.platform_visibility(level_on_it, LEVEL, platform, ROW) == 1
+    assert c.point_in_camera(level_on_it, LEVEL, board[:3], ROW)[2] < 0.0
+    assert c.board_row_visibility(level_on_it, LEVEL, board, ROW) == 1
 
 
 def test_a_board_of_too_many_tags_is_refused():
@@ -136,11 +136,11 @@ def test_a_board_of_too_many_tags_is_refused():
 
 @settings(max_examples=60)
 @given(st.floats(-3.0, 3.0), st.floats(0.0, 1.4), st.floats(-0.8, 0.8), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
-def test_platform_row_and_matrix_agree(heading, inclination, roll, x, y):
-    platform = np.array([1.0, 0.5, 1.5, heading, 1.0, 0.1, inclination, 0.0])
+def test_board_row_and_matrix_agree(heading, inclination, roll, x, y):
+    board = np.array([1.0, 0.5, 1.5, heading, 1.0, 0.1, inclination, 0.0])
     vehicle_p, q = np.array([x, y, 2.5]), quaternion([1.0, 0.3, 2.0], roll)
     R = board_R(heading, inclination)
-    assert c.platform_visibility(vehicle_p, q, platform, ROW) == c.board_visibility(vehicle_p, q, platform[:3], R, ROW)
+    assert c.board_row_visibility(vehicle_p, q, board, ROW) == c.board_visibility(vehicle_p, q, board[:3], R, ROW)
 
 
 def test_nan_is_not_visible():

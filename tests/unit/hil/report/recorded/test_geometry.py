@@ -32,8 +32,8 @@ def test_axes_are_a_rotation(q):
 def test_approach_is_what_the_referee_computes(heading, inclination, q, offset):
     q, centre, rules = unit(q), np.array([1.0, -2.0, 1.5]), ContactRules()
     out = np.zeros(RESULT_DIM)
-    platform = np.array([*centre, heading, 0.0, 0.0, inclination, 0.0])
-    relative_state(centre + offset, np.zeros(3), q, np.zeros(3), platform, rules.row(), out)
+    board_row = np.array([*centre, heading, 0.0, 0.0, inclination, 0.0])
+    relative_state(centre + offset, np.zeros(3), q, np.zeros(3), board_row, rules.row(), out)
     board = motion(centre, belief_orientation(heading, inclination))
     seen = approach(motion(centre + offset, q), board, rules.robot_l)
     assert seen.magnet[0, 0] == pytest.approx(out[X], abs=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from groundcar.motion.platform import TURN_RATE
+from groundcar.motion.board_motion import TURN_RATE
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.environment.rows import E_STEPS, S_STEP

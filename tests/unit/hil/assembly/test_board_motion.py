@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from groundcar.motion import platform as motion
-from hil.assembly.platform_motion import hover_start, motion_aux, start_platform
+from groundcar.motion import board_motion as motion
+from hil.assembly.board_motion import hover_start, motion_aux, start_board
 from kernel.random import stream
 from scenarios.draw import draw
 from scenarios.spec import list_scenarios, load
@@ -18,13 +18,13 @@ def test_the_car_waits_on_its_path_and_the_drone_behind_it_looking_at_it(name):
         x, y, z, yaw = hover_start(scenario, drawn, 1.6)
         assert z == pytest.approx(scenario.board.height + drawn.altitude)
         if scenario.start.anchor == "car_start":
-            board = start_platform(scenario, drawn)
+            board = start_board(scenario, drawn)
             assert math.hypot(x - board[0], y - board[1]) == pytest.approx(drawn.distance)
             bearing = math.atan2(board[1] - y, board[0] - x)
             assert math.remainder(yaw - bearing, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_equal_seeds_draw_equal_platforms_and_others_do_not():
+def test_equal_seeds_draw_equal_boards_and_others_do_not():
     scenario = load("hard-i")
     rows = [motion_aux(scenario, draw(scenario, seed)) for seed in (3, 3, 4)]
     assert np.array_equal(rows[0], rows[1])
@@ -34,7 +34,7 @@ def test_equal_seeds_draw_equal_platforms_and_others_do_not():
 def test_hard_i_asks_for_the_papers_speeds():
     scenario = load("hard-i")
     drawn = draw(scenario, 1)
-    aux, row = motion_aux(scenario, drawn), start_platform(scenario, drawn)
+    aux, row = motion_aux(scenario, drawn), start_board(scenario, drawn)
     motion.motion_reset(row, aux, row[motion.U], row[motion.Z], row[motion.INCLINATION], True)
     rng, speeds = stream(1), []
     for _ in range(600):

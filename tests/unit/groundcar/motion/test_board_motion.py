@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
+from groundcar.motion import board_motion as m
 from groundcar.motion import paths as t
-from groundcar.motion import platform as m
 from groundcar.motion import speed_laws as s
-from groundcar.motion.platform import motion_aux, motion_future, motion_reset, motion_step
+from groundcar.motion.board_motion import motion_aux, motion_future, motion_reset, motion_step
 from groundcar.motion.splines import random_spline
 from kernel.jit import njit, prange
 from kernel.random import stream
@@ -152,7 +152,7 @@ def test_a_sluggish_car_overshoots_as_a_second_order_system_does():
     assert speed.min() == pytest.approx(1.75 - 0.75 * gain, abs=0.01)
 
 
-def test_static_platform_stands():
+def test_static_board_stands():
     rows = rollout(motion_aux(t.STATIC, t.static_path(2.0, 3.0, -1.0), s.CONSTANT, s.constant_speed(0.0)), seconds=1.0)
     assert (rows == rows[0]).all()
     assert list(rows[0, :6]) == [2.0, 3.0, 1.5, -1.0, 0.0, 0.0]

@@ -1,12 +1,12 @@
-"""The platform's motion along its path as kernels: in training, as the follower's reference, and as the known future.
+"""The board's motion along its path as kernels: in training, as the follower's reference, and as the known future.
 
-A platform row (8,) is [x, y, z, heading, speed (signed), turn rate, inclination, u]; its aux row (A,) holds everything
-else of one platform: what it does (path row, speed row, change of path, how sluggishly it answers) and where it is in
+A board row (8,) is [x, y, z, heading, speed (signed), turn rate, inclination, u]; its aux row (A,) holds everything
+else of one board: what it does (path row, speed row, change of path, how sluggishly it answers) and where it is in
 doing so (the first entries). Rows are plain float64, so 2-D arrays of them map over prange.
 
 Two ways to imitate a real car, which does not follow exactly: ACCEL_LIMIT bounds the acceleration; RESPONSE > 0 makes
 speed follow the law as a second-order system of natural frequency RESPONSE (rad/s) and damping DAMPING, which
-overshoots below 0.7 and is a mere lag above 1. The platform stays on its path: only its timing changes.
+overshoots below 0.7 and is a mere lag above 1. The board stays on its path: only its timing changes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from groundcar.motion.paths import LINE, SIZE, STATIC, P, path_curvature, path_e
 from groundcar.motion.speed_laws import SWITCH, S, speed_law, speed_nominal
 from kernel.jit import njit
 
-X, Y, Z, HEADING, SPEED, TURN_RATE, INCLINATION, U = range(8)  # platform row
+X, Y, Z, HEADING, SPEED, TURN_RATE, INCLINATION, U = range(8)  # board row
 
 TIME = 0  # s since the start
 ETA = 1  # state of the speed law
@@ -30,7 +30,7 @@ LAW_SPEED = 3  # m/s, the law's speed as answered; on a line the peak speed, els
 TRAVELLED = 4  # m
 CHANGED = 5  # 1 once the path has become an arc; then ARC_X, ARC_Y (m) is its centre, ARC_ANGLE (rad) where it began
 ARC_X, ARC_Y, ARC_ANGLE = 6, 7, 8
-SLOPE = 9  # m per unit of u where the platform is: how fast u must grow
+SLOPE = 9  # m per unit of u where the board is: how fast u must grow
 CHANGE_TIME = 10  # s, when the path becomes an arc; inf: never
 CHANGE_LENGTH = 11  # m travelled, the same
 ARC_RADIUS = 12  # m, positive to the left
@@ -132,14 +132,14 @@ def motion_reset(row, aux, u, z, inclination, moving):
 
 @njit
 def motion_step(row, aux, dt, stream):
-    """Advance the platform by `dt` s (meant for 0.002 to 0.02). `stream` is touched only by a perturbed speed law."""
+    """Advance the board by `dt` s (meant for 0.002 to 0.02). `stream` is touched only by a perturbed speed law."""
     kind, params = int(aux[SPEED_KIND]), aux[SPEED_ROW : SPEED_ROW + S]
     _advance(row, aux, dt, speed_law(kind, params, aux[ETA : ETA + 1], aux[TIME] + dt, dt, stream))
 
 
 @njit
 def motion_future(row, aux, dt, n, out):
-    """Write the next `n` platform rows, `dt` s apart, to `out` (>= n, 8): the paper's privileged future.
+    """Write the next `n` board rows, `dt` s apart, to `out` (>= n, 8): the paper's privileged future.
 
     No randomness: the speed law's OU factor stays what it is. `row` is not changed; `aux` is restored before returning.
     """
@@ -168,7 +168,7 @@ def motion_aux(
     damping: float = 1.0,
     accel_limit: float = math.inf,
 ) -> np.ndarray:
-    """An aux row (A,) of what a platform does; call `motion_reset` next. Raises ValueError.
+    """An aux row (A,) of what a board does; call `motion_reset` next. Raises ValueError.
 
     `change_time` (s) or `change_length` (m), whichever comes first, turns the path into the tangent arc of `arc_radius`
     (m, positive to the left; paper's Hard-II).

@@ -1,4 +1,4 @@
-"""A scenario's platform in the kernels' terms: path, speed law and change of path as one aux row, and the start."""
+"""A scenario's board in the kernels' terms: path, speed law and change of path as one aux row, and the start."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from groundcar.motion import board_motion as motion
 from groundcar.motion import paths as trajectories
-from groundcar.motion import platform as motion
 from groundcar.motion import speed_laws as laws
 from groundcar.motion import splines
 from kernel.random import stream
@@ -58,7 +58,7 @@ def speed_row(scenario: spec.Scenario, drawn: Drawn) -> tuple[int, np.ndarray]:
 
 
 def motion_aux(scenario: spec.Scenario, drawn: Drawn) -> np.ndarray:
-    """The aux row of `groundcar.motion.platform` for the whole scenario."""
+    """The aux row of `groundcar.motion.board_motion` for the whole scenario."""
     then = scenario.path.then if isinstance(scenario.path, spec.SplinePath) else None
     radius = 0.0 if then is None else then.radius * (1.0 if then.turn == "left" else -1.0)
     return motion.motion_aux(
@@ -74,8 +74,8 @@ def start_parameter(scenario: spec.Scenario, drawn: Drawn, aux: np.ndarray) -> f
     return drawn.lap_start * trajectories.path_lap(kind, aux[motion.PATH_ROW : motion.PATH_ROW + trajectories.P])
 
 
-def start_platform(scenario: spec.Scenario, drawn: Drawn) -> np.ndarray:
-    """Platform row (8,) of the waiting car."""
+def start_board(scenario: spec.Scenario, drawn: Drawn) -> np.ndarray:
+    """Board row (8,) of the waiting car."""
     aux, row = motion_aux(scenario, drawn), np.zeros(8)
     u = start_parameter(scenario, drawn, aux)
     motion.motion_reset(row, aux, u, scenario.board.height, math.radians(scenario.board.inclination_deg), False)
@@ -87,7 +87,7 @@ def hover_start(scenario: spec.Scenario, drawn: Drawn, accel_limit: float) -> tu
 
     For an anchor at the attempt's start the reference is driven through the lead from rest within `accel_limit` m/s^2.
     """
-    row = start_platform(scenario, drawn)
+    row = start_board(scenario, drawn)
     if scenario.start.anchor == "attempt_start":
         aux = motion_aux(scenario, drawn)
         aux[motion.ACCEL_LIMIT] = accel_limit
