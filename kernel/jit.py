@@ -1,21 +1,25 @@
 """The one way kernels are compiled here: `njit` with an on-disk cache that notices changes in callees.
 
 Numba's own cache looks only at the file a function stands in: change a helper in another file and callers keep the
-old machine code. Flying with that is not acceptable, so the cache stamp here covers every kernel file a module reaches.
+old machine code. The cache stamp here covers every kernel file that a module reaches.
 
-Nor is it made for a dozen services that compile at the same time. Its index and its data are two files, which two
-writers can leave telling of different things; and machine code compiled by two processes can bear the same symbol, of
-which the loader takes whichever comes first. Here a file holds one function for one signature and says what it was
-made from, and symbols are numbered from where no other process begins.
+Numba's cache is not made for a dozen processes that compile at the same time either. Its index and its data are two
+files, which two writers can leave inconsistent; and machine code compiled by two processes can have the same symbol, of
+which the loader takes the first. Here a file holds one function for one signature and the stamp of its source, and
+each process numbers its symbols from a random start.
 """
 
 from __future__ import annotations
 
+import atexit
+import functools
 import hashlib
 import itertools
 import os
 import pickle
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -36,7 +40,7 @@ bytecode.FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urando
 
 
 def njit(*args: Any, **options: Any) -> Any:
-    """`numba.njit` with the house's settings: cached on disk, IEEE division (no exception checks), no fastmath."""
+    """`numba.njit`, cached on disk, with IEEE division (no exception checks) and without fastmath."""
     options = {"cache": True, "error_model": "numpy", **options}
     compiled: Any = numba.njit(**options)
 
@@ -45,10 +49,31 @@ def njit(*args: Any, **options: Any) -> Any:
         dispatcher = compiled(function)
         cache = getattr(dispatcher, "_cache", None)
         if isinstance(cache, caching.Cache):
-            cache._cache_file = CacheFile(cache._cache_file)  # type: ignore[assignment]
+            if isinstance(cache._impl.locator, CacheLocator):
+                cache._cache_file = CacheFile(cache._cache_file)  # type: ignore[assignment]
+            else:  # Numba's own stamp covers one file only
+                dispatcher._cache = caching.NullCache()
         return dispatcher
 
     return kernel(*args) if args else kernel
+
+
+@functools.cache
+def _folder() -> Path:
+    """CACHE_DIR where it can be written and is this user's own; else a temporary folder of this process, announced."""
+    try:
+        CACHE_DIR.mkdir(parents=True, exist_ok=True)
+        if CACHE_DIR.stat().st_uid != os.geteuid():
+            raise PermissionError(f"{CACHE_DIR} belongs to another user")
+        with tempfile.TemporaryFile(dir=CACHE_DIR):
+            return CACHE_DIR
+    except OSError as error:
+        print(
+            f"kernels are compiled anew in every process: {error}; set PERCH_KERNEL_CACHE to a folder", file=sys.stderr
+        )
+        folder = Path(tempfile.mkdtemp(prefix="perch-hil-kernels-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return folder
 
 
 def cache_is_cold() -> bool:
@@ -82,7 +107,7 @@ class CacheLocator(caching._CacheLocator):
                 digest.update(f"\n{name}\n".encode() + Path(reached.__file__).read_bytes())
         self._stamp = digest.hexdigest()
         self._name = py_func.__qualname__
-        self._dir = CACHE_DIR / f"{module.__name__}-{self._stamp[:16]}"
+        self._dir = _folder() / f"{module.__name__}-{self._stamp[:16]}"
 
     def get_cache_path(self) -> str:  # type: ignore[override]
         return str(self._dir)
@@ -98,10 +123,7 @@ class CacheLocator(caching._CacheLocator):
         if not hasattr(py_func, _OURS) or py_func.__module__ not in sys.modules:
             return None
         locator = cls(py_func)
-        try:
-            locator.ensure_cache_path()
-        except OSError:
-            return None
+        locator.ensure_cache_path()
         return locator
 
 
@@ -123,6 +145,8 @@ class CacheFile:
     def load(self, key: Any) -> Any:
         try:
             with self._path(key).open("rb") as file:
+                if os.fstat(file.fileno()).st_uid != os.geteuid():  # a pickle of another user's could run anything
+                    return None
                 if pickle.load(file) == self._numbas._source_stamp:
                     return pickle.load(file)
         except (OSError, EOFError, pickle.UnpicklingError):

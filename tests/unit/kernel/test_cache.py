@@ -1,6 +1,7 @@
 """The kernel cache must notice a change in a callee that stands in another file: Numba's own does not."""
 
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -115,6 +116,42 @@ def test_kernels_run_without_the_compiler(package):
     helper, run = package
     helper.write_text(HELPER.format(2.0))
     assert run(NUMBA_DISABLE_JIT="1")[0] == "2.0"
+
+
+def test_an_unwritable_cache_folder_means_compiling_anew_and_is_said(package):
+    helper, run = package
+    blocked = helper.parents[1] / "file"
+    blocked.write_text("no folder")
+    for factor in (2.0, 3.0):  # Numba's own cache, beside the source, would keep the first
+        helper.write_text(HELPER.format(factor))
+        assert run(PERCH_KERNEL_CACHE=str(blocked)) == [str(factor), "0"]
+    code = "from vehicle.caller import caller; caller(1.0)"
+    environment = {**os.environ, "PERCH_KERNEL_CACHE": str(blocked), "PYTHONPATH": ""}
+    command = [sys.executable, "-c", code]
+    said = subprocess.run(command, cwd=helper.parents[1], env=environment, capture_output=True, text=True, check=True)
+    assert "set PERCH_KERNEL_CACHE" in said.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
+def test_cached_code_of_another_user_is_not_loaded(package):
+    helper, run = package
+    helper.write_text(HELPER.format(2.0))
+    run()
+    for file in (helper.parents[1] / "cache").glob("**/*.nbc"):
+        os.chown(file, 12345, 12345)
+    assert run() == ["2.0", "0"]
+
+
+def test_two_checkouts_with_the_same_code_share_their_kernels(package, tmp_path_factory):
+    helper, run = package
+    helper.write_text(HELPER.format(2.0))
+    run()
+    other = tmp_path_factory.mktemp("other")
+    shutil.copytree(helper.parent, other / "vehicle", ignore=shutil.ignore_patterns("__pycache__"))
+    (other / "kernel").symlink_to(ROOT / "kernel")
+    code = "from vehicle.caller import caller; caller(1.0); print(sum(caller.stats.cache_hits.values()))"
+    environment = {**os.environ, "PERCH_KERNEL_CACHE": str(helper.parents[1] / "cache"), "PYTHONPATH": ""}
+    assert subprocess.check_output([sys.executable, "-c", code], cwd=other, env=environment, text=True).strip() == "1"
 
 
 def test_cold_means_no_compiled_kernel(tmp_path, monkeypatch):
