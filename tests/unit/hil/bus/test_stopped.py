@@ -14,7 +14,7 @@ from hil.contract import messages as m
 
 HUB = """
 import sys, time
-from hil.bus import open_hub
+from hil.bus.leaf import open_hub
 with open_hub(sys.argv[1]):
     print("up", flush=True)
     time.sleep(120)

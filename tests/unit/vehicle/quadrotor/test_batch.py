@@ -2,7 +2,7 @@
 
 import re
 
-import board
+import platform
 import numba
 import numpy as np
 import pytest
@@ -74,7 +74,7 @@ def test_a_rate_that_is_nan_keeps_the_present_rate_and_troubles_no_neighbour():
     assert rows[3, d.W + 2] != calm[3, d.W + 2]
 
 
-@pytest.mark.skipif(board.machine() != "x86_64", reason="names of instructions are those of x86_64")
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names of instructions are those of x86_64")
 def test_the_loops_over_vehicles_are_vector_instructions():
     rows, params, rng = scattered(8)
     fresh = numba.njit(error_model="numpy")(fleet.fly_block.py_func)
