@@ -47,7 +47,7 @@ def test_a_hanging_service_ends_itself_when_its_supervisor_is_gone():
 
 def test_a_service_whose_supervisor_was_gone_before_it_could_look_ends_at_once(tmp_path):
     """Its parent is then somebody else, who never changes."""
-    code = "import sys; from hil.host import live_main; live_main.LiveSpec.read = lambda _: sys.exit('lives'); "
+    code = "import sys; from hil.live import main as live_main; live_main.LiveSpec.read = lambda _: sys.exit('lives'); "
     code += "sys.argv[1:] = ['spec', 'camera']; sys.exit(live_main.main())"
     for parent, said, ended in ((str(os.getpid()), "lives\n", 1), ("1", "", 3)):
         child = subprocess.run(
