@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from groundcar.motion import board_row
 from groundcar.motion.kinematics import wrap
+from groundcar.scout import car_row
 from groundcar.scout import physics as ph
 from groundcar.scout.codec import COMMANDS, V1_STATE_ID, Decoder, Frame
 from groundcar.scout.feedback import Battery, FeedbackSender
@@ -52,7 +54,7 @@ class ScoutSim:
         own = stream(seed, 0x5C0)
         self._row = ph.physics_row(self._params, own)
         self._stream = stream(seed, 0x5C1)
-        self._state = np.zeros(ph.NSTATE)
+        self._state = np.zeros(car_row.DIM)
         self.battery = Battery(self._params.battery, self._params.spread.battery, own)
         self._decoder = Decoder(COMMANDS)
         self._sender = FeedbackSender(self._params.geometry)
@@ -72,7 +74,7 @@ class ScoutSim:
         if not all(map(math.isfinite, (x, y, heading))):
             raise ValueError(f"the car cannot be placed at ({x}, {y}, {heading}): give finite numbers")
         self._state[:] = 0.0
-        self._state[[ph.X, ph.Y, ph.HEADING]] = x, y, heading
+        self._state[[car_row.X, car_row.Y, car_row.HEADING]] = x, y, heading
         self._pending.clear()
         self._asked = (0.0, 0.0)
 
@@ -81,21 +83,23 @@ class ScoutSim:
     @property
     def pose(self) -> Pose:
         """True pose at the last step."""
-        return Pose(float(self._state[ph.X]), float(self._state[ph.Y]), float(wrap(self._state[ph.HEADING])))
+        return Pose(
+            float(self._state[car_row.X]), float(self._state[car_row.Y]), float(wrap(self._state[car_row.HEADING]))
+        )
 
     @property
     def speed(self) -> float:
         """True forward speed, m/s."""
-        return float(self._state[ph.SPEED])
+        return float(self._state[car_row.SPEED])
 
     @property
     def turn_rate(self) -> float:
         """True turn rate, rad/s."""
-        return float(self._state[ph.TURN_RATE])
+        return float(self._state[car_row.TURN_RATE])
 
     def board_row(self, height: float, inclination: float, out: np.ndarray | None = None) -> np.ndarray:
         """The board that the car carries as a board row (8,) of groundcar.motion.board_motion; u is 0."""
-        row = np.zeros(8) if out is None else out
+        row = np.zeros(board_row.DIM) if out is None else out
         row[:] = (*self.pose[:2], height, self.pose.heading, self.speed, self.turn_rate, inclination, 0.0)
         return row
 
@@ -170,7 +174,7 @@ class ScoutSim:
         stopping = self._brake or self.state != OK
         dt = ph.STEP_NS * 1e-9
         ph.physics_step(self._state, self._row, asked[0], asked[1], stopping, dt, self._stream)
-        self.battery.use(float(self._state[ph.WHEEL_ACCEL]), float(self._state[ph.WHEEL_SPEED]), dt)
+        self.battery.use(float(self._state[car_row.WHEEL_ACCEL]), float(self._state[car_row.WHEEL_SPEED]), dt)
 
     def _hear(self, frame: tuple[int, bytes], now_ns: int) -> None:
         heard = self._decoder.decode(frame) if self._protocol == 2 else None

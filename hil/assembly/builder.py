@@ -39,6 +39,7 @@ from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import LinkConfig, Signing
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor import airframe as af
+from vehicle.quadrotor import airframe_row
 from vehicle.quadrotor.wind import Wind
 
 PREPARE_LIMIT_NS = 90_000_000_000
@@ -114,10 +115,10 @@ class Assembly:
         drawn, frame = self._drawn, self._frame
         x, y, _, yaw = self._start()
         params = frame.params_row()
-        params[af.MASS] *= drawn.mass_factor
-        params[af.INERTIA : af.INERTIA + 3] *= drawn.inertia_factor
-        params[af.DRAG : af.DRAG + 3] *= drawn.drag_factor
-        params[af.MOTOR_THRUST] *= drawn.mass_factor * drawn.thrust_to_weight_factor * drawn.thrust_gain
+        params[airframe_row.MASS] *= drawn.mass_factor
+        params[airframe_row.INERTIA : airframe_row.INERTIA + 3] *= drawn.inertia_factor
+        params[airframe_row.DRAG : airframe_row.DRAG + 3] *= drawn.drag_factor
+        params[airframe_row.MOTOR_THRUST] *= drawn.mass_factor * drawn.thrust_to_weight_factor * drawn.thrust_gain
         wire = self._wires.vehicle_device()
         parameters = EXTERNAL_POSE_PARAMETERS if self._rig.vehicle.external_pose else None
         sim = Px4Sim(
@@ -178,7 +179,7 @@ class Assembly:
         return Director(round(self._scenario.car.lead * 1e9), limit_ns)
 
     def _referee(self) -> Referee:
-        return Referee(_rules(self._scenario, self._frame), math.radians(self._scenario.board.inclination_deg))
+        return Referee(_rules(self._scenario), self._frame.contact, math.radians(self._scenario.board.inclination_deg))
 
     def _camera(self) -> Node:
         return camera_node(self._scenario, self._rig.camera, self._frame, self._drawn, self._stopwatch is not None)
@@ -207,11 +208,9 @@ def _signing(path: str, unix_ns: int) -> Signing | None:
     return Signing(key=key, epoch_ns=unix_ns)
 
 
-def _rules(scenario: Scenario, frame: af.Airframe) -> ContactRules:
+def _rules(scenario: Scenario) -> ContactRules:
     tolerance, space = scenario.tolerance, scenario.workspace
     return ContactRules(
-        robot_l=frame.contact.magnet_below,
-        robot_r=frame.contact.footprint_radius,
         delta_d=tolerance.distance,
         delta_v=tolerance.tangential_speed,
         delta_theta=tolerance.angle,

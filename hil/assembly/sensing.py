@@ -22,7 +22,8 @@ from kernel.random import stream
 from kernel.rotations import from_rotation_vector
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario
-from vehicle.camera.noise import BIAS_DIM, measured_noise, paper_noise
+from vehicle.camera import bias_row
+from vehicle.camera.noise import measured_noise, paper_noise
 from vehicle.camera.pinhole import Camera
 from vehicle.mocap.system import Mocap
 from vehicle.quadrotor import airframe as af
@@ -60,7 +61,7 @@ def camera_node(scenario: Scenario, slot: CameraSlot, frame: af.Airframe, drawn:
         renderer = Renderer(true, board, drawn.image_seed, Sensor(gain=slot.gain))
         return CameraSim(renderer, rate, exposure_ns, transport_ns, _DRAWN_AFTER_NS if real_time else 0)
     noise = paper_noise() if slot.model_noise == "paper" else measured_noise()
-    bias = np.zeros(BIAS_DIM)
+    bias = np.zeros(bias_row.DIM)
     bias[:3] = drawn.vision_position_bias
     bias[3:] = from_rotation_vector(*drawn.vision_orientation_bias)
     return CameraModel(

@@ -8,7 +8,8 @@ from hil.contract.messages import BoardState, Detection, Stage, VehicleState
 from hil.contract.node import Inbox, Out
 from hil.nodes.camera_sim import motion_of
 from kernel.rotations import to_matrix
-from vehicle.camera.noise import OBS_DIM, observe_board
+from vehicle.camera import detection_row
+from vehicle.camera.noise import observe_board
 from vehicle.camera.pinhole import board_visibility
 
 
@@ -46,7 +47,7 @@ class CameraModel:
         v, b = motion_of(vehicle, now_ns), motion_of(board, now_ns)
         self._sequence += 1
         seen = board_visibility(v[:3], v[6:10], b[:3], to_matrix(b[6:10]), self._cam)
-        out = np.zeros(OBS_DIM)
+        out = np.zeros(detection_row.DIM)
         if seen:
             observe_board(
                 v[:3], v[6:10], v[3:6], b[:3], b[6:10], b[3:6], self._cam, self._noise, 1.0, self._bias, self._rng, out

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from groundcar.motion.board_motion import HEADING, SPEED, TURN_RATE
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_position, board_quaternion, board_velocity
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import ScoutLink, WrongProtocolError
@@ -174,7 +174,7 @@ def board_of(stamp_ns: int, row: np.ndarray) -> BoardState:
         position=(float(x), float(y), float(z)),
         velocity=board_velocity(row),
         orientation=board_quaternion(row),
-        heading=float(row[HEADING]),
-        speed=float(row[SPEED]),
-        turn_rate=float(row[TURN_RATE]),
+        heading=float(row[board_row.HEADING]),
+        speed=float(row[board_row.SPEED]),
+        turn_rate=float(row[board_row.TURN_RATE]),
     )

@@ -7,6 +7,8 @@ import numpy as np
 from hil.contract.messages import BoardState, Contact, Event, Stage, VehicleState
 from hil.contract.node import Inbox, Out
 from policies.task import contact as rule
+from policies.task import result_row
+from vehicle.quadrotor.airframe import ContactGeometry
 
 
 class Referee:
@@ -18,11 +20,11 @@ class Referee:
     wakes = ("mocap/vehicle",)
     period_ns = 0
 
-    def __init__(self, rules: rule.ContactRules, inclination: float) -> None:
+    def __init__(self, rules: rule.ContactRules, disc: ContactGeometry, inclination: float) -> None:
         """`inclination` in rad: the board's set angle, which motion capture also measures but the car's heading not."""
-        self._rules = rules.row()
+        self._rules = rules.row(disc)
         self._inclination = inclination
-        self._result = np.zeros(rule.RESULT_DIM)
+        self._result = np.zeros(result_row.DIM)
         self._decided: Contact | None = None
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:

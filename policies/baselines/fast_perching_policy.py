@@ -14,7 +14,7 @@ from policies.baselines.fast_perching import FastPerchingParams, PerchPlan, load
 from policies.environment.config import TICK
 from policies.environment.env import Env
 from policies.environment.rows import S_STEP, X_P, X_Q, X_V
-from policies.estimation.thrust_drag import G_GAIN
+from policies.estimation import thrust_row
 from policies.planner import params as pp
 from policies.planner.follow import face
 from policies.planner.policy import planner_params
@@ -87,7 +87,7 @@ class FastPerching:
         soon = t - begun + self._track[pp.THRUST_LAG] + 0.5 * TICK
         states = plan.at(t - begun), plan.at(ahead), plan.at(soon)
         left = plan.duration - (t - begun)
-        track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, G_GAIN], self._track, self._out[i])
+        track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, thrust_row.GAIN], self._track, self._out[i])
 
     def _plan(
         self, made: tuple[PerchPlan, float] | None, t: float, p: np.ndarray, v: np.ndarray, seen: np.ndarray

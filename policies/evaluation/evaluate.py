@@ -16,17 +16,8 @@ import numpy as np
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
 from policies.environment.rows import E_RHO, E_SEEN, E_STEPS
-from policies.task.contact import (
-    ATTACHED,
-    NORMAL_ERROR,
-    NORMAL_SPEED,
-    OUTCOME,
-    PLANAR,
-    REASON,
-    REASONS,
-    SUCCESS,
-    TANGENTIAL_SPEED,
-)
+from policies.task import result_row
+from policies.task.contact import REASONS, SUCCESS
 from vehicle.camera.noise import measured_noise, paper_noise
 
 Policy = Callable[[Env], np.ndarray]
@@ -121,12 +112,12 @@ def run_episodes(
 
 def summarise(name: str, ended: np.ndarray) -> Row:
     """A table's line from ended rows."""
-    good = ended[ended[:, OUTCOME] == SUCCESS]
+    good = ended[ended[:, result_row.OUTCOME] == SUCCESS]
     hits, trials = len(good), len(ended)
     shown = good if hits else np.full((1, ended.shape[1]), math.nan)
-    into = -shown[:, NORMAL_SPEED]
+    into = -shown[:, result_row.NORMAL_SPEED]
     causes: dict[str, int] = {}
-    for outcome, reason in ended[:, [OUTCOME, REASON]].astype(int):
+    for outcome, reason in ended[:, [result_row.OUTCOME, result_row.REASON]].astype(int):
         if outcome != SUCCESS:
             causes[REASONS[reason]] = causes.get(REASONS[reason], 0) + 1
     return Row(
@@ -134,11 +125,11 @@ def summarise(name: str, ended: np.ndarray) -> Row:
         episodes=trials,
         hits=hits,
         success=100.0 * hits / trials,
-        attached=100.0 * float(ended[:, ATTACHED].mean()),
+        attached=100.0 * float(ended[:, result_row.ATTACHED].mean()),
         duration=float(shown[:, E_STEPS].mean()) * TICK,
-        position_error=float(shown[:, PLANAR].mean()),
-        normal_error=float(shown[:, NORMAL_ERROR].mean()),
-        tangential_speed=float(shown[:, TANGENTIAL_SPEED].mean()),
+        position_error=float(shown[:, result_row.PLANAR].mean()),
+        normal_error=float(shown[:, result_row.NORMAL_ERROR].mean()),
+        tangential_speed=float(shown[:, result_row.TANGENTIAL_SPEED].mean()),
         normal_speed=float(into.mean()),
         normal_speed_5=float(np.percentile(into, 5)),
         normal_speed_95=float(np.percentile(into, 95)),

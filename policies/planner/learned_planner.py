@@ -17,21 +17,14 @@ from policies.planner.planner import (
     planner_step,
 )
 from policies.planner.runup import runs_up
-from policies.prediction.coast import COAST_DIM, coast_future, coast_keep, coast_state, coasting
+from policies.prediction import coast_row, net_row, speeds_row, swing_row
+from policies.prediction.coast import coast_future, coast_keep, coast_state, coasting
 from policies.prediction.future import carry_swing, predict_swing
-from policies.prediction.learned import G_DOUBT, predict_learned, predictor_push
 from policies.prediction.learned import HISTORY_DIM as _COAST
-from policies.prediction.speed_history import (
-    F_SINCE,
-    F_SURPRISE,
-    FIT_DIM,
-    H_TIME,
-    HISTORY_DIM,
-    fit_swing,
-    history_push,
-)
+from policies.prediction.learned import predict_learned, predictor_push
+from policies.prediction.speed_history import HISTORY_DIM, fit_swing, history_push
 
-MEMORY_DIM = _COAST + COAST_DIM
+MEMORY_DIM = _COAST + coast_row.DIM
 _FRESH = 0.25  # s, age of a belief whose speed is still worth remembering
 
 
@@ -43,7 +36,11 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
     float32, empty: the analytic prediction alone; `scratch` (predictor.SCRATCH_DIM,) float32.
     """
     limits = params[pp.COUNT :] if runs_up(x, params) else params
-    history, fit, coast = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + FIT_DIM], memory[_COAST:]
+    history, fit, coast = (
+        state[S_HISTORY : S_HISTORY + HISTORY_DIM],
+        state[S_FIT : S_FIT + swing_row.DIM],
+        memory[_COAST:],
+    )
     age, learned = estimate[E_AGE], net.shape[0] > 0
     if estimate[E_VALID] > 0.0:
         predictor_push(memory[:_COAST], t, x, age)
@@ -52,13 +49,13 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
     tau, due = limits[pp.PREDICT_TAU], planner_due(state, t)
     if due:
         fit_swing(history, tau, fit)
-        estimate[E_SURPRISE] = fit[F_SURPRISE]
+        estimate[E_SURPRISE] = fit[swing_row.SURPRISE]
     if learned and coasting(coast, t, age):
         coast_state(coast, t, step, x)
         if due:
             coast_future(coast, t, step, future)
     else:
-        fit[F_SINCE] = t - history[H_TIME]
+        fit[swing_row.SINCE] = t - history[speeds_row.TIME]
         east, north, speed = x[0], x[1], x[4]
         carry_swing(x, fit, age, limits[pp.FILTER_TAU])
         if due:
@@ -71,7 +68,7 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
                     memory[:_COAST], t, x, estimate[E_SIGMA], estimate[E_SPEED_SIGMA], age, estimate[E_STREAK], step,
                     net, scratch, limits[pp.PREDICT_TRUST], future,
                 )  # fmt: skip
-                estimate[E_SURPRISE] += net[G_DOUBT] * trust * (surprise - estimate[E_SURPRISE])
+                estimate[E_SURPRISE] += net[net_row.DOUBT] * trust * (surprise - estimate[E_SURPRISE])
                 coast_keep(coast, t, age, future)
                 x[0], x[1], x[4] = carried_east, carried_north, carried
     return planner_step(state, t, p, v, q, x, estimate, future, step, params, out)

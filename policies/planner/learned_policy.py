@@ -7,8 +7,9 @@ import numpy as np
 from policies.planner.learned_planner import MEMORY_DIM, planner_on_learned
 from policies.planner.params import PlannerParams
 from policies.planner.policy import PlannerPolicy
+from policies.prediction import scratch_row
 from policies.prediction.future import STEP
-from policies.prediction.learned import SCRATCH_DIM, load_predictor
+from policies.prediction.learned import load_predictor
 from policies.task.interface import BoardView, Command, VehicleView
 from vehicle.quadrotor.airframe import Airframe
 
@@ -19,7 +20,7 @@ class LearnedPlannerPolicy(PlannerPolicy):
     def __init__(self, airframe: Airframe, params: PlannerParams | None = None, net: np.ndarray | None = None) -> None:
         """`net`: row of `predictor.load_predictor`, by default the committed one. Raises what that raises."""
         self._net = load_predictor() if net is None else net
-        self._memory, self._scratch = np.zeros(MEMORY_DIM), np.zeros(SCRATCH_DIM, dtype=np.float32)
+        self._memory, self._scratch = np.zeros(MEMORY_DIM), np.zeros(scratch_row.DIM, dtype=np.float32)
         super().__init__(airframe, params)
 
     def reset(self, now_ns: int) -> None:

@@ -10,9 +10,9 @@ import math
 
 from kernel.jit import njit
 from kernel.rotations import body_z
-from policies.estimation.board_ekf import B_STREAK, B_T, belief_covariance, belief_valid, surface_sigma
-from policies.estimation.ctrv import N
-from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
+from policies.estimation import belief_row, belief_state, thrust_row
+from policies.estimation.board_ekf import belief_covariance, belief_valid, surface_sigma
+from policies.estimation.thrust_drag import gain_reset, gain_update
 from policies.guidance.alignment import touch_rates
 from policies.planner import params as pp
 from policies.planner.follow import climb_away, follow, hold
@@ -20,16 +20,9 @@ from policies.planner.glide import glide
 from policies.planner.motion import WAIT, fly_motion
 from policies.planner.runup import flare_gate, fly_runup, met_slow, runs_up, runup_time
 from policies.planner.search import MOTION_DIM, search
+from policies.prediction import speeds_row, swing_row
 from policies.prediction.future import carry_swing, predict_swing
-from policies.prediction.speed_history import (
-    F_SINCE,
-    F_SURPRISE,
-    FIT_DIM,
-    H_TIME,
-    HISTORY_DIM,
-    fit_swing,
-    history_push,
-)
+from policies.prediction.speed_history import HISTORY_DIM, fit_swing, history_push
 
 HOLD, FOLLOW, COMMIT, TERMINAL, AROUND, RUN_UP, GLIDE = 0, 1, 2, 3, 4, 5, 6
 PHASES = ("hold", "follow", "commit", "terminal", "go_around", "run_up", "glide")
@@ -39,13 +32,13 @@ PHASES = ("hold", "follow", "commit", "terminal", "go_around", "run_up", "glide"
  S_ACCELERATION) = range(14)  # fmt: skip
 S_ASKED = 14  # 4, CTBR asked last
 S_GAIN = S_ASKED + 4
-S_MOTION = S_GAIN + GAIN_DIM
+S_MOTION = S_GAIN + thrust_row.DIM
 S_BEST, S_TRY = S_MOTION + MOTION_DIM, S_MOTION + 2 * MOTION_DIM
 S_START = S_MOTION + 3 * MOTION_DIM
 S_BOARD = S_START + 9
 S_HISTORY = S_BOARD + 8
 S_FIT = S_HISTORY + HISTORY_DIM
-S_TARGET = S_FIT + FIT_DIM
+S_TARGET = S_FIT + swing_row.DIM
 S_OWN = S_TARGET + 8  # the parameters, with the drag that was found and the impact speed for this belief
 PLANNER_DIM = S_OWN + pp.COUNT
 
@@ -68,7 +61,7 @@ def planner_reset(state, t, params):
     state[S_ENGAGED] = -1.0
     state[S_LAST], state[S_NEXT] = t, t
     state[S_ASKED + 3] = params[pp.GRAVITY]
-    gain_reset(state[S_GAIN : S_GAIN + GAIN_DIM], params[pp.GRAVITY])
+    gain_reset(state[S_GAIN : S_GAIN + thrust_row.DIM], params[pp.GRAVITY])
 
 
 @njit
@@ -89,10 +82,10 @@ def estimate_from_belief(row, t, params, x, p, estimate):
     """Fill `estimate` from a belief row at time `t`; `x` (8,) gets the state there, `p` (N * N,) its covariance."""
     belief_covariance(row, t, params, x, p)
     estimate[E_VALID] = 1.0 if belief_valid(row, t, params) else 0.0
-    estimate[E_SIGMA] = math.sqrt(max(0.0, 0.5 * (p[0] + p[N + 1])))
-    estimate[E_SPEED_SIGMA] = math.sqrt(max(0.0, p[4 * (N + 1)]))
-    estimate[E_AGE] = t - row[B_T]
-    estimate[E_STREAK] = row[B_STREAK]
+    estimate[E_SIGMA] = math.sqrt(max(0.0, 0.5 * (p[0] + p[belief_state.DIM + 1])))
+    estimate[E_SPEED_SIGMA] = math.sqrt(max(0.0, p[4 * (belief_state.DIM + 1)]))
+    estimate[E_AGE] = t - row[belief_row.TIME]
+    estimate[E_STREAK] = row[belief_row.STREAK]
     estimate[E_SURFACE] = surface_sigma(row)
 
 
@@ -100,7 +93,7 @@ def estimate_from_belief(row, t, params, x, p, estimate):
 def _start_here(state, p, v, q, params):
     """The motion's start: where the vehicle is, how fast, and the acceleration its thrust gives it now."""
     zx, zy, zz = body_z(q)
-    f = state[S_GAIN + G_GAIN] * state[S_GAIN + G_LAGGED]
+    f = state[S_GAIN + thrust_row.GAIN] * state[S_GAIN + thrust_row.LAGGED]
     drag = params[pp.DRAG]
     for i in range(3):
         state[S_START + i], state[S_START + 3 + i] = p[i], v[i]
@@ -116,7 +109,7 @@ def _plan(state, t, p, v, q, future, step, shortest, longest, durations, remaini
     best, scratch = state[S_BEST : S_BEST + MOTION_DIM], state[S_TRY : S_TRY + MOTION_DIM]
     start, board = state[S_START : S_START + 9], state[S_BOARD : S_BOARD + 8]
     target = state[S_TARGET : S_TARGET + 8]
-    gain = state[S_GAIN + G_GAIN]
+    gain = state[S_GAIN + thrust_row.GAIN]
     cost, duration, thrust = search(
         start, future, step, 0.0, gain, shortest, longest, durations, remaining, params, best, scratch, target, board
     )
@@ -239,7 +232,7 @@ def _decide(state, t, p, v, q, board, estimate, future, step, params):
 @njit
 def _glide(state, t, p, v, q, board, estimate, params, out):
     """Fly the way down in sight; a miss is climbed away from."""
-    gain, before = state[S_GAIN + G_GAIN], state[S_ASKED : S_ASKED + 2]
+    gain, before = state[S_GAIN + thrust_row.GAIN], state[S_ASKED : S_ASKED + 2]
     age, sigma = estimate[E_AGE], estimate[E_SURFACE]
     if glide(p, v, q, board, state[S_ACCELERATION], age, gain, params, out):
         state[S_PHASE] = _leave(state, t, params)
@@ -265,13 +258,14 @@ def planner_step(state, t, p, v, q, board, estimate, future, step, params, out):
 def _step(state, t, p, v, q, board, estimate, future, step, params, out):
     zx, zy, zz = body_z(q)
     gain = gain_update(
-        state[S_GAIN : S_GAIN + GAIN_DIM], v[0], v[1], v[2], zx, zy, zz, state[S_ASKED + 3], t - state[S_LAST],
+        state[S_GAIN : S_GAIN + thrust_row.DIM], v[0], v[1], v[2], zx, zy, zz, state[S_ASKED + 3],
+        t - state[S_LAST],
         params[pp.THRUST_LAG] + WAIT, params[pp.DRAG], params[pp.GRAVITY],
     )  # fmt: skip
     state[S_LAST] = t
     own = state[S_OWN : S_OWN + pp.COUNT]
     own[:] = params[: pp.COUNT]
-    own[pp.DRAG] = state[S_GAIN + G_DRAG]
+    own[pp.DRAG] = state[S_GAIN + thrust_row.DRAG]
     own[pp.IMPACT_SPEED] += min(_FASTER, own[pp.IMPACT_UNSURE] * estimate[E_SURFACE])
     params = own
     _decide(state, t, p, v, q, board, estimate, future, step, params)
@@ -291,7 +285,7 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
         _glide(state, t, p, v, q, board, estimate, params, out)
     else:
         motion, begun, contact = state[S_MOTION : S_MOTION + MOTION_DIM], state[S_BEGUN], state[S_CONTACT]
-        given, before = gain * state[S_GAIN + G_LAGGED], state[S_ASKED : S_ASKED + 2]
+        given, before = gain * state[S_GAIN + thrust_row.LAGGED], state[S_ASKED : S_ASKED + 2]
         fly_motion(
             motion, t - begun, contact - begun, contact - t, p, v, q, board, state[S_ACCELERATION], gain, given,
             before, estimate[E_SURFACE], params, out,
@@ -309,14 +303,14 @@ def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, ou
     """
     if runs_up(x, params):
         params = params[pp.COUNT :]
-    history, fit = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + FIT_DIM]
+    history, fit = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + swing_row.DIM]
     if estimate[E_VALID] > 0.0 and estimate[E_AGE] < _FRESH:
         history_push(history, t, x[4])
     tau = params[pp.PREDICT_TAU]
     if planner_due(state, t):
         fit_swing(history, tau, fit)
-        estimate[E_SURPRISE] = fit[F_SURPRISE]
-    fit[F_SINCE] = t - history[H_TIME]
+        estimate[E_SURPRISE] = fit[swing_row.SURPRISE]
+    fit[swing_row.SINCE] = t - history[speeds_row.TIME]
     carry_swing(x, fit, estimate[E_AGE], params[pp.FILTER_TAU])
     if planner_due(state, t):
         predict_swing(x, fit, tau, step, future)

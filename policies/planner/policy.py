@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from policies.estimation.odometry import NOW_DIM, odometry_now
-from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM
+from policies.estimation import odometry_row, thrust_row
+from policies.estimation.odometry import odometry_now
 from policies.planner.params import PlannerParams
 from policies.planner.planner import (
     E_AGE,
@@ -47,7 +47,7 @@ class PlannerPolicy:
         self._params = (params or planner_params(airframe)).row()
         self._state = np.zeros(PLANNER_DIM)
         self._estimate, self._x, self._out = np.zeros(ESTIMATE_DIM), np.zeros(8), np.zeros(4)
-        self._now = np.zeros(NOW_DIM)
+        self._now = np.zeros(odometry_row.DIM)
         self._future = np.zeros((HORIZON, 8))
         self.reset(0)
 
@@ -78,12 +78,18 @@ class PlannerPolicy:
         estimate[E_SURFACE] = board.surface_sigma
         self._x[:3] = board.position
         self._x[3:] = board.heading, board.speed, board.turn_rate, board.inclination, board.acceleration
-        gain = self._state[S_GAIN : S_GAIN + GAIN_DIM]
-        now = odometry_now(now_ns, vehicle, gain[G_GAIN] * gain[G_LAGGED], gain[G_DRAG], self._now)
+        gain = self._state[S_GAIN : S_GAIN + thrust_row.DIM]
+        now = odometry_now(
+            now_ns,
+            vehicle,
+            gain[thrust_row.GAIN] * gain[thrust_row.LAGGED],
+            gain[thrust_row.DRAG],
+            self._now,
+        )
         return (now_ns - self._origin_ns) * 1e-9, *now
 
     def _command(self, phase: int) -> Command:
         self._engaged = self._engaged or phase != HOLD
         p, q, r, thrust = (float(value) for value in self._out)
-        gain = float(self._state[S_GAIN + G_GAIN])
+        gain = float(self._state[S_GAIN + thrust_row.GAIN])
         return Command(self._engaged, (p, q, r), thrust, PHASES[int(phase)], gain)

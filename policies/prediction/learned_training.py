@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from policies.prediction import input_row, net_row
 from policies.prediction import learned as pd
 from policies.prediction.future import HORIZON, STEP
 from policies.prediction.learned_data import EVERY, TARGETS, Examples, make_examples
@@ -39,20 +40,24 @@ _MIRRORED = (1, 5)  # channels of an entry that change sign in a mirror: turn ra
 
 def mirror_signs() -> tuple[Tensor, Tensor]:
     """Signs of (inputs, targets) of the mirrored drive."""
-    inputs = torch.ones(pd.INPUTS)
+    inputs = torch.ones(net_row.INPUTS)
     for channel in _MIRRORED:
-        inputs[channel : pd.TAPS * 6 : 6] = -1.0
-    inputs[pd.TAPS * 6 + 1] = -1.0
+        inputs[channel : input_row.TAPS * 6 : 6] = -1.0
+    inputs[input_row.TAPS * 6 + 1] = -1.0
     return inputs, torch.tensor([1.0, -1.0, -1.0, 1.0])
 
 
 def build_network() -> nn.Sequential:
     """The network in torch; its last layer starts at zero, that is at the base motion."""
-    last = nn.Linear(pd.HIDDEN2, pd.OUTPUTS)
+    last = nn.Linear(net_row.HIDDEN2, net_row.OUTPUTS)
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)
     return nn.Sequential(
-        nn.Linear(pd.INPUTS, pd.HIDDEN1), nn.ReLU(), nn.Linear(pd.HIDDEN1, pd.HIDDEN2), nn.ReLU(), last
+        nn.Linear(net_row.INPUTS, net_row.HIDDEN1),
+        nn.ReLU(),
+        nn.Linear(net_row.HIDDEN1, net_row.HIDDEN2),
+        nn.ReLU(),
+        last,
     )
 
 
@@ -77,8 +82,8 @@ class DrivenPath(nn.Module):
         speed, turn = now[:, :1], now[:, 1:2]
         speeds = speed + now[:, 2:] * self.gain
         ratio = torch.where(speed.abs() > 0.5, speeds / torch.where(speed.abs() > 0.5, speed, 1.0), 1.0)
-        turns = turn * ratio.clamp(-1.0, 2.0) + outputs[:, pd.K : 2 * pd.K] @ self.spread
-        speeds = speeds + outputs[:, : pd.K] @ self.spread
+        turns = turn * ratio.clamp(-1.0, 2.0) + outputs[:, net_row.KNOTS : 2 * net_row.KNOTS] @ self.spread
+        speeds = speeds + outputs[:, : net_row.KNOTS] @ self.spread
         turns, speeds = turns.clamp(-2.5, 2.5), speeds.clamp(-4.0, 4.0)
         step = 0.5 * STEP * (turns[:, 1:] + turns[:, :-1])
         heading = torch.cat([torch.zeros_like(speed), step.cumsum(1)], 1)

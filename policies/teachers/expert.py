@@ -56,8 +56,8 @@ from policies.teachers.params import (
     X_TRY1,
     X_TRY2,
 )
-from vehicle.quadrotor.airframe import DRAG, GRAVITY, MASS, MOTOR_THRUST
-from vehicle.quadrotor.dynamics import MOTOR, P, Q, V
+from vehicle.quadrotor import airframe_row, state_row
+from vehicle.quadrotor.airframe import GRAVITY
 
 _LONG, _SHORT = 18, 6  # durations tried
 _NEAR = (-0.05, -0.025, 0.0, 0.025, 0.05, 0.1)  # s, changes of the contact's time tried for a plan near contact
@@ -204,7 +204,11 @@ def _follow(row, t, vehicle, board, gain, drag, e, planner, out):
     now, left = min(duration, t - begun), row[X_CONTACT] - t
     ahead, soon = min(duration, now + e[E_RATE_LAG]), min(duration, now + e[E_THRUST_LAG])
     fade = min(1.0, max(0.0, left / e[E_FADE]))
-    p, v, q = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4]
+    p, v, q = (
+        vehicle[state_row.P : state_row.P + 3],
+        vehicle[state_row.V : state_row.V + 3],
+        vehicle[state_row.Q : state_row.Q + 4],
+    )
     x = row[X_START : X_START + 9]
     for k in range(3):
         gap = 10.0 * (poly.position(motion, k * AXIS, now) - p[k]) + 6.0 * (poly.velocity(motion, k * AXIS, now) - v[k])
@@ -240,18 +244,23 @@ def expert_step(rows, i, row, board, future, step, gain, e, planner, out):
     """
     vehicle, params, state = rows.vehicle[i], rows.params[i], rows.state[i]
     t = state[S_STEP] * TICK
-    drag = params[DRAG] / params[MASS]
+    drag = params[airframe_row.DRAG] / params[airframe_row.MASS]
     left = row[X_CONTACT] - t
     frozen = row[X_READY] > 0.0 and -e[E_OVERDUE] < left < e[E_FREEZE]
     if expert_due(row, t) and not frozen:
         row[X_NEXT] = t + e[E_REPLAN]
-        lift = params[MOTOR_THRUST] / params[MASS]
-        lift *= vehicle[MOTOR] + vehicle[MOTOR + 1] + vehicle[MOTOR + 2] + vehicle[MOTOR + 3]
-        zx, zy, zz = body_z(vehicle[Q : Q + 4])
+        lift = params[airframe_row.MOTOR_THRUST] / params[airframe_row.MASS]
+        lift *= (
+            vehicle[state_row.MOTOR]
+            + vehicle[state_row.MOTOR + 1]
+            + vehicle[state_row.MOTOR + 2]
+            + vehicle[state_row.MOTOR + 3]
+        )
+        zx, zy, zz = body_z(vehicle[state_row.Q : state_row.Q + 4])
         for k in range(3):
-            row[X_START + k], row[X_START + 3 + k] = vehicle[P + k], vehicle[V + k]
+            row[X_START + k], row[X_START + 3 + k] = vehicle[state_row.P + k], vehicle[state_row.V + k]
             z = zx if k == 0 else (zy if k == 1 else zz)
-            row[X_START + 6 + k] = lift * z - drag * vehicle[V + k] - (GRAVITY if k == 2 else 0.0)
+            row[X_START + 6 + k] = lift * z - drag * vehicle[state_row.V + k] - (GRAVITY if k == 2 else 0.0)
         _plan(row, t, future, step, gain, drag, e)
     _follow(row, t, vehicle, board, gain, drag, e, planner, out)
 

@@ -18,8 +18,7 @@ from kernel.jit import njit, prange
 from policies.environment.config import C_VISION, TICK
 from policies.environment.env import Env, fill_future
 from policies.environment.rows import S_COMMAND, S_STEP, X_P, X_Q, X_V
-from policies.estimation.ctrv import N
-from policies.estimation.thrust_drag import GAIN_DIM
+from policies.estimation import belief_state, thrust_row
 from policies.planner.learned_planner import MEMORY_DIM, planner_on_learned
 from policies.planner.params import STEEP
 from policies.planner.planner import (
@@ -42,8 +41,9 @@ from policies.planner.planner import (
 )
 from policies.planner.policy import planner_params
 from policies.planner.runup import runs_up
+from policies.prediction import scratch_row
 from policies.prediction.future import HORIZON, STEP
-from policies.prediction.learned import SCRATCH_DIM, load_predictor
+from policies.prediction.learned import load_predictor
 from policies.task.observation import action_from_command
 
 _TICKS = round(STEP / TICK)
@@ -60,7 +60,7 @@ _BOLDLY: dict[str, Any] = {"commit_cost": 4.0, "lean": 0.0, "steep": {**STEEP, "
 
 # Slices of a work row.
 _BOARD, _COVARIANCE = 0, 8
-_ESTIMATE = _COVARIANCE + N * N
+_ESTIMATE = _COVARIANCE + belief_state.DIM * belief_state.DIM
 _COMMAND = _ESTIMATE + ESTIMATE_DIM
 _WORK_DIM = _COMMAND + 4
 
@@ -92,7 +92,7 @@ def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratc
     if fresh:
         planner_reset(state, now, params)
         memory[:] = 0.0
-        state[S_GAIN : S_GAIN + GAIN_DIM] = rows.gain[i]  # the hover before the episode has shown it
+        state[S_GAIN : S_GAIN + thrust_row.DIM] = rows.gain[i]  # the hover before the episode has shown it
         state[S_ASKED : S_ASKED + 4] = rows.state[i, S_COMMAND : S_COMMAND + 4]
     x, estimate = work[_BOARD : _BOARD + 8], work[_ESTIMATE : _ESTIMATE + ESTIMATE_DIM]
     command, own = work[_COMMAND : _COMMAND + 4], rows.scratch[i]
@@ -150,7 +150,7 @@ class PlannerInEnv:
         self._env, self._params = env, replace(planner_params(env.airframe), **self._changes).row()
         self.states, self.memories = np.zeros((n, PLANNER_DIM)), np.zeros((n, MEMORY_DIM))
         self._works, self._futures = np.zeros((n, _WORK_DIM)), np.zeros((n, HORIZON, 8))
-        self._scratches, self._out = np.zeros((n, SCRATCH_DIM), dtype=np.float32), np.zeros((n, 4))
+        self._scratches, self._out = np.zeros((n, scratch_row.DIM), dtype=np.float32), np.zeros((n, 4))
 
 
 class PlannerTeacher:

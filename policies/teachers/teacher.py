@@ -9,17 +9,16 @@ from policies.environment.config import TICK
 from policies.environment.env import Env, fill_future
 from policies.environment.observe import true_gain
 from policies.environment.rows import S_STEP
+from policies.estimation import belief_state, filter_row, thrust_row
 from policies.estimation.board_ekf import belief_covariance
-from policies.estimation.ctrv import ACCEL_TAU, N
-from policies.estimation.thrust_drag import G_GAIN
 from policies.planner.params import PlannerParams
-from policies.prediction.future import CTRV_ACCELERATION, HORIZON, STEP, predict_future
+from policies.prediction.future import HORIZON, STEP, predict_future
 from policies.task.observation import action_from_command
 from policies.teachers.expert import expert_due, expert_step
 from policies.teachers.params import EXPERT_DIM, X_CONTACT, X_READY, ExpertParams
 
 _TICKS = round(STEP / TICK)
-_WORK = 12 + N * N
+_WORK = 12 + belief_state.DIM * belief_state.DIM
 
 
 @njit
@@ -41,9 +40,9 @@ def teach_row(rows, i, shared, plan, future, expert, planner, work, sighted, out
             fill_future(rows, i, _TICKS, future)
     else:
         belief_covariance(rows.belief[i], now, shared.belief, board, work[12:_WORK])
-        gain = rows.gain[i, G_GAIN]
+        gain = rows.gain[i, thrust_row.GAIN]
         if due:
-            predict_future(board, CTRV_ACCELERATION, shared.belief[ACCEL_TAU], STEP, future)
+            predict_future(board, shared.belief[filter_row.ACCEL_TAU], STEP, future)
     expert_step(rows, i, plan, board, future, STEP, gain, expert, planner, command)
     action_from_command(command, out)
     return plan[X_CONTACT] - now if plan[X_READY] > 0.0 else np.inf

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from groundcar.motion import board_motion as m
+from groundcar.motion import board_row
 from groundcar.motion import paths as t
 from groundcar.motion import speed_laws as s
 from groundcar.motion.splines import random_spline
@@ -187,7 +188,7 @@ def test_training_s_imitation_moves_more_like_the_car_than_the_plain_law_does():
     m.motion_reset(row, aux, 0.0, 1.5, 0.0, False)
     for _ in range(4000):
         m.motion_step(row, aux, 0.004, rng)
-        speeds.append(row[m.SPEED])
+        speeds.append(row[board_row.SPEED])
     car = np.array(bench.speeds)
     plain = np.sqrt(np.mean((car - law) ** 2))
     imitated = np.sqrt(np.mean((car - np.array(speeds[1000:])) ** 2))

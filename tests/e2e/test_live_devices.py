@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from groundcar.motion.board_motion import SPEED
+from groundcar.motion import board_row
 from groundcar.scout.sim import ScoutSim
 from hil.assembly.board_motion import hover_start, start_board
 from hil.assembly.plan import Plan
@@ -120,7 +120,7 @@ class Car(threading.Thread):
         began = time.monotonic_ns()
         while not self.ended.wait(0.004):
             self.sim.step(time.monotonic_ns() - began)
-            self.fastest = max(self.fastest, abs(float(self.sim.board_row(0.0, 0.0)[SPEED])))
+            self.fastest = max(self.fastest, abs(float(self.sim.board_row(0.0, 0.0)[board_row.SPEED])))
         self.bus.close()
 
 
@@ -139,7 +139,7 @@ def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
     """
     live = fly(tmp_path, rig, names={"scenario": "simple-ii", "camera": "model"})
     time.sleep(1.5)  # the harness is gone: the car's own watchdog has acted by now
-    standing = abs(float(car.sim.board_row(0.0, 0.0)[SPEED]))
+    standing = abs(float(car.sim.board_row(0.0, 0.0)[board_row.SPEED]))
     car.ended.set()
     car.join()
     said = events(live.flight.run)

@@ -20,7 +20,8 @@ from torch import Tensor
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.network.actor_critic import FORESEEN, Actor, NetworkConfig
-from policies.task.contact import OUTCOME, SUCCESS
+from policies.task import result_row
+from policies.task.contact import SUCCESS
 from policies.task.observation import NEWEST, OBS_DIM
 from policies.teachers.params import ExpertParams
 from policies.teachers.planner import BELIEF, FORESIGHT, PlannerTeacher
@@ -141,7 +142,7 @@ class Dagger:
         loss = float(np.mean([self._learn() for _ in range(c.batches)]))
         rows = self.env.tally.rows
         self.env.tally.__init__()
-        success = float((rows[:, OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan
+        success = float((rows[:, result_row.OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan
         return {"samples": self.samples, "loss": loss, "teacher": share, "success": success, "rate": rate}
 
     def _collect(self, share: float) -> None:

@@ -20,7 +20,8 @@ from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.network.regimes import AFAR
-from policies.task.contact import OUTCOME, SUCCESS
+from policies.task import result_row
+from policies.task.contact import SUCCESS
 from policies.teachers.planner import BELIEF, PlannerTeacher
 from policies.training.learners import parallel
 from policies.training.learners.storage import TrainingError, env_state, load_env
@@ -95,7 +96,7 @@ class LayerFit:
         self.samples += round(parallel.mean(self.config.horizon * self.env.config.count))
         error = self._solve(parallel.summed(flown))
         rows = self.env.tally.rows
-        success = parallel.mean(float((rows[:, OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan)
+        success = parallel.mean(float((rows[:, result_row.OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan)
         return {"samples": self.samples, "success": success, "error": error}
 
     def _collect(self) -> Tensor:

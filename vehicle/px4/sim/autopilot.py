@@ -37,8 +37,9 @@ from vehicle.px4.sim.receiver import Receiver
 from vehicle.px4.sim.state import Flight
 from vehicle.px4.sim.streams import add_streams
 from vehicle.px4.sim.view import DRAIN_S, View
+from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import Airframe
-from vehicle.quadrotor.dynamics import MOTOR, ND, WIND, P, Q, V, W, vehicle_row
+from vehicle.quadrotor.dynamics import vehicle_row
 
 SUBSTEPS = 2
 READY_S = (4.1, 5.1)  # PX4 time at which the pre-arm checks pass (recorded range)
@@ -197,7 +198,7 @@ class Px4Sim:
     @property
     def row(self) -> np.ndarray:
         """The vehicle row (ND,): the truth itself, indices in vehicle/quadrotor/dynamics.py."""
-        assert self.flight.row.shape == (ND,)
+        assert self.flight.row.shape == (state_row.DIM,)
         return self.flight.row
 
     def truth(self) -> Truth:
@@ -208,11 +209,16 @@ class Px4Sim:
             return values[at], values[at + 1], values[at + 2]
 
         return Truth(
-            three(P),
-            three(V),
-            (values[Q], values[Q + 1], values[Q + 2], values[Q + 3]),
-            three(W),
-            (values[MOTOR], values[MOTOR + 1], values[MOTOR + 2], values[MOTOR + 3]),
+            three(state_row.P),
+            three(state_row.V),
+            (values[state_row.Q], values[state_row.Q + 1], values[state_row.Q + 2], values[state_row.Q + 3]),
+            three(state_row.W),
+            (
+                values[state_row.MOTOR],
+                values[state_row.MOTOR + 1],
+                values[state_row.MOTOR + 2],
+                values[state_row.MOTOR + 3],
+            ),
             self.flight.armed,
             self._grip is not None,
         )
@@ -221,7 +227,7 @@ class Px4Sim:
 
     def set_wind(self, velocity: Vec3) -> None:
         """Velocity of the air (m/s, world) from now on."""
-        self.flight.row[WIND : WIND + 3] = velocity
+        self.flight.row[state_row.WIND : state_row.WIND + 3] = velocity
 
     def attach(
         self,
@@ -242,16 +248,16 @@ class Px4Sim:
         stamp = now if stamp_ns is None or self._boot_ns is None else stamp_ns - self._boot_ns
         board = normalise(board_orientation)
         if self._grip is None:
-            offset = row[P : P + 3] - np.array(board_position)
-            turn = multiply(conjugate(board), tuple(row[Q : Q + 4].tolist()))
+            offset = row[state_row.P : state_row.P + 3] - np.array(board_position)
+            turn = multiply(conjugate(board), tuple(row[state_row.Q : state_row.Q + 4].tolist()))
             self._grip = (rotate_back(board, *offset.tolist()), normalise(turn))
             self.flight.situation[ATTACHED] = 1.0
             spin = (0.0, 0.0, board_turn_rate)
-            row[V : V + 3] = np.array(board_velocity) + np.cross(spin, offset)
-            row[W : W + 3] = rotate_back(tuple(row[Q : Q + 4].tolist()), *spin)
+            row[state_row.V : state_row.V + 3] = np.array(board_velocity) + np.cross(spin, offset)
+            row[state_row.W : state_row.W + 3] = rotate_back(tuple(row[state_row.Q : state_row.Q + 4].tolist()), *spin)
         offset, turn = self._grip
-        row[P : P + 3] = np.array(board_position) + rotate(board, *offset)
-        row[Q : Q + 4] = normalise(multiply(board, turn))
+        row[state_row.P : state_row.P + 3] = np.array(board_position) + rotate(board, *offset)
+        row[state_row.Q : state_row.Q + 4] = normalise(multiply(board, turn))
         if self._board is not None and stamp > self._board[2]:
             old_position, old_orientation, then = self._board
             rate = 1e9 / (stamp - then)
@@ -259,14 +265,16 @@ class Px4Sim:
             spin = tuple(rate * s for s in spin)
             arm = rotate(board, *offset)
             velocity = (np.array(board_position) - old_position) * rate + np.cross(spin, arm)
-            row[V : V + 3] = velocity
-            row[W : W + 3] = rotate_back(tuple(row[Q : Q + 4].tolist()), *spin)
+            row[state_row.V : state_row.V + 3] = velocity
+            row[state_row.W : state_row.W + 3] = rotate_back(tuple(row[state_row.Q : state_row.Q + 4].tolist()), *spin)
         if self._board is None or stamp > self._board[2]:
             self._board = (board_position, board, stamp)
         early = (stamp - now) * 1e-9  # bring the pose back to the time of the last tick
-        row[P : P + 3] -= early * row[V : V + 3]
-        spin_back = (-early * row[W : W + 3]).tolist()
-        row[Q : Q + 4] = normalise(multiply(tuple(row[Q : Q + 4].tolist()), from_rotation_vector(*spin_back)))
+        row[state_row.P : state_row.P + 3] -= early * row[state_row.V : state_row.V + 3]
+        spin_back = (-early * row[state_row.W : state_row.W + 3]).tolist()
+        row[state_row.Q : state_row.Q + 4] = normalise(
+            multiply(tuple(row[state_row.Q : state_row.Q + 4].tolist()), from_rotation_vector(*spin_back))
+        )
 
     def detach(self) -> None:
         """The magnet lets go; the vehicle leaves with the board's velocity."""

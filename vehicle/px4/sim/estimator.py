@@ -17,7 +17,7 @@ from kernel.rotations import swap_attitude, swap_yaw, wrap_angle, yaw
 from vehicle.px4.sim.control import EST_P
 from vehicle.px4.sim.plant import BIAS_P, BIAS_V, BIAS_YAW, BLIND, KNOWN_X, KNOWN_Y, NERR
 from vehicle.px4.sim.state import ORIGIN_ALTITUDE, Flight
-from vehicle.quadrotor.dynamics import P, Q
+from vehicle.quadrotor import state_row
 
 EV_ALIGN_S = 1.0  # of steady vision before it is fused
 EV_TIMEOUT_S = 1.5
@@ -79,8 +79,8 @@ class Estimator:
     def remember(self) -> None:
         """Note the truth for the delay of vision; called every tick."""
         row = self._flight.row
-        heading = yaw(tuple(row[Q : Q + 4]))
-        x, y, z = row[P : P + 3].tolist()
+        heading = yaw(tuple(row[state_row.Q : state_row.Q + 4]))
+        x, y, z = row[state_row.P : state_row.P + 3].tolist()
         self._history.append((self._flight.now_ns, x, y, z, heading))
 
     def vision(self, ned: tuple[float, float, float], heading_ned: float, north_aligned: bool) -> None:

@@ -11,7 +11,7 @@ import math
 from vehicle.px4.sim.control import LANDED, OUT_THRUST
 from vehicle.px4.sim.plant import ATTACHED, RESTING
 from vehicle.px4.sim.state import Flight
-from vehicle.quadrotor.dynamics import V, W
+from vehicle.quadrotor import state_row
 
 TAKEOFF_THRUST = 0.11  # normalised; below it nothing flies
 TAKEOFF_S = 0.18
@@ -70,9 +70,9 @@ class LandDetector:
         flight = self._flight
         row, parameters = flight.row, flight.parameters
         return (
-            abs(row[V + 2]) < parameters["LNDMC_Z_VEL_MAX"]
-            and math.hypot(row[V], row[V + 1]) < parameters["LNDMC_XY_VEL_MAX"]
-            and abs(row[W : W + 3]).max() < math.radians(parameters["LNDMC_ROT_MAX"]) * 2.0
+            abs(row[state_row.V + 2]) < parameters["LNDMC_Z_VEL_MAX"]
+            and math.hypot(row[state_row.V], row[state_row.V + 1]) < parameters["LNDMC_XY_VEL_MAX"]
+            and abs(row[state_row.W : state_row.W + 3]).max() < math.radians(parameters["LNDMC_ROT_MAX"]) * 2.0
         )
 
     def _land(self, announce: bool) -> None:

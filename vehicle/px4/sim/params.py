@@ -11,26 +11,26 @@ from pathlib import Path
 import numpy as np
 
 from vehicle.px4.sim.control import GAINS, PARAMETERS
-from vehicle.quadrotor import airframe as af
+from vehicle.quadrotor import airframe_row
 from vehicle.quadrotor.airframe import Airframe
 
 DEFAULTS = Path(__file__).parent / "params.json"
 UINT32, INT32, REAL32 = 5, 6, 9  # MAV_PARAM_TYPE
 HASH_NAME, NO_INDEX = "_HASH_CHECK", 65535
 
-_RATE_GAINS = {"P": af.RATE_P, "I": af.RATE_I, "D": af.RATE_D, "K": af.RATE_K}
+_RATE_GAINS = {"P": airframe_row.RATE_P, "I": airframe_row.RATE_I, "D": airframe_row.RATE_D, "K": airframe_row.RATE_K}
 # Where the rate loop's parameters stand in a params row.
 RATE_LOOP = {
     f"MC_{axis}RATE_{gain}": index + i
     for gain, index in _RATE_GAINS.items()
     for i, axis in enumerate(("ROLL", "PITCH", "YAW"))
 } | {
-    "MC_RR_INT_LIM": af.RATE_LIMIT_I,
-    "MC_PR_INT_LIM": af.RATE_LIMIT_I + 1,
-    "MC_YR_INT_LIM": af.RATE_LIMIT_I + 2,
-    "IMU_GYRO_CUTOFF": af.GYRO_CUTOFF,
-    "IMU_DGYRO_CUTOFF": af.DGYRO_CUTOFF,
-    "MC_YAW_TQ_CUTOFF": af.YAW_TORQUE_CUTOFF,
+    "MC_RR_INT_LIM": airframe_row.RATE_LIMIT_I,
+    "MC_PR_INT_LIM": airframe_row.RATE_LIMIT_I + 1,
+    "MC_YR_INT_LIM": airframe_row.RATE_LIMIT_I + 2,
+    "IMU_GYRO_CUTOFF": airframe_row.GYRO_CUTOFF,
+    "IMU_DGYRO_CUTOFF": airframe_row.DGYRO_CUTOFF,
+    "MC_YAW_TQ_CUTOFF": airframe_row.YAW_TORQUE_CUTOFF,
 }
 
 
@@ -104,8 +104,8 @@ def airframe_overrides(frame: Airframe) -> dict[str, float]:
         "SIH_KDW": frame.body.angular_damping,
         "SIH_L_ROLL": frame.motors.arm_y,
         "SIH_L_PITCH": frame.motors.arm_x,
-        "SIH_T_MAX": float(row[af.MOTOR_THRUST]),
-        "SIH_Q_MAX": float(row[af.MOTOR_THRUST] * row[af.YAW_TORQUE]),
+        "SIH_T_MAX": float(row[airframe_row.MOTOR_THRUST]),
+        "SIH_Q_MAX": float(row[airframe_row.MOTOR_THRUST] * row[airframe_row.YAW_TORQUE]),
         "SIH_T_TAU": frame.motors.lag,
         "MPC_THR_HOVER": frame.hover_thrust,
     }

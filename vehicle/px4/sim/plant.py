@@ -21,8 +21,9 @@ from kernel.rotations import (
     yaw,
 )
 from vehicle.px4.sim.control import EST_P, EST_Q, EST_V, EST_W, LANDED, OUT_RATE, OUT_THRUST, control_step
+from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import GRAVITY
-from vehicle.quadrotor.dynamics import INTEGRAL, F, P, Q, V, W, column, motor_lag, vehicle_step
+from vehicle.quadrotor.dynamics import column, motor_lag, vehicle_step
 from vehicle.quadrotor.rate_control import filter_coefficients, rate_step
 
 TICK_NS = 4_000_000
@@ -59,14 +60,14 @@ def estimate_step(row, est, error, noise, stream, dt):
     _correlated(error, ERR_V, noise[VEL_SIGMA], noise[VEL_TAU], stream, dt)
     _correlated(error, ERR_A, noise[ATT_SIGMA], noise[ATT_TAU], stream, dt)
     for axis in range(3):
-        est[EST_P + axis] = row[P + axis] + error[ERR_P + axis] + error[BIAS_P + axis]
-        est[EST_V + axis] = row[V + axis] + error[ERR_V + axis] + error[BIAS_V + axis]
-        est[EST_W + axis] = row[W + axis] + noise[GYRO_SIGMA] * normal(stream)
+        est[EST_P + axis] = row[state_row.P + axis] + error[ERR_P + axis] + error[BIAS_P + axis]
+        est[EST_V + axis] = row[state_row.V + axis] + error[ERR_V + axis] + error[BIAS_V + axis]
+        est[EST_W + axis] = row[state_row.W + axis] + noise[GYRO_SIGMA] * normal(stream)
     if error[BLIND] > 0.0:
         est[EST_P], est[EST_P + 1] = error[KNOWN_X], error[KNOWN_Y]
         est[EST_V], est[EST_V + 1] = 0.0, 0.0
     q = multiply(
-        (row[Q], row[Q + 1], row[Q + 2], row[Q + 3]),
+        (row[state_row.Q], row[state_row.Q + 1], row[state_row.Q + 2], row[state_row.Q + 3]),
         from_rotation_vector(error[ERR_A], error[ERR_A + 1], error[ERR_A + 2]),
     )
     if error[BIAS_YAW] != 0.0:
@@ -77,26 +78,32 @@ def estimate_step(row, est, error, noise, stream, dt):
 @njit
 def _stand_on_ground(row, ground):
     """The ground takes all motion and keeps the vehicle level at its heading."""
-    row[P + 2] = ground
+    row[state_row.P + 2] = ground
     for i in range(3):
-        row[V + i] = 0.0
-        row[W + i] = 0.0
-        row[INTEGRAL + i] = 0.0
-    q = from_euler(0.0, 0.0, yaw((row[Q], row[Q + 1], row[Q + 2], row[Q + 3])))
-    row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = q[0], q[1], q[2], q[3]
-    row[F], row[F + 1], row[F + 2] = 0.0, 0.0, GRAVITY
+        row[state_row.V + i] = 0.0
+        row[state_row.W + i] = 0.0
+        row[state_row.INTEGRAL + i] = 0.0
+    q = from_euler(0.0, 0.0, yaw((row[state_row.Q], row[state_row.Q + 1], row[state_row.Q + 2], row[state_row.Q + 3])))
+    row[state_row.Q], row[state_row.Q + 1], row[state_row.Q + 2], row[state_row.Q + 3] = q[0], q[1], q[2], q[3]
+    row[state_row.F], row[state_row.F + 1], row[state_row.F + 2] = 0.0, 0.0, GRAVITY
 
 
 @njit
 def _carried(row, dt):
     """Held by the magnet: moves on with the board's last known motion until the board's next pose arrives."""
     for i in range(3):
-        row[P + i] += dt * row[V + i]
-        row[INTEGRAL + i] = 0.0
-    q = integrate((row[Q], row[Q + 1], row[Q + 2], row[Q + 3]), row[W], row[W + 1], row[W + 2], dt)
-    row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = q[0], q[1], q[2], q[3]
+        row[state_row.P + i] += dt * row[state_row.V + i]
+        row[state_row.INTEGRAL + i] = 0.0
+    q = integrate(
+        (row[state_row.Q], row[state_row.Q + 1], row[state_row.Q + 2], row[state_row.Q + 3]),
+        row[state_row.W],
+        row[state_row.W + 1],
+        row[state_row.W + 2],
+        dt,
+    )
+    row[state_row.Q], row[state_row.Q + 1], row[state_row.Q + 2], row[state_row.Q + 3] = q[0], q[1], q[2], q[3]
     x, y, z = rotate_back(q, 0.0, 0.0, GRAVITY)
-    row[F], row[F + 1], row[F + 2] = x, y, z
+    row[state_row.F], row[state_row.F + 1], row[state_row.F + 2] = x, y, z
 
 
 @njit
@@ -126,20 +133,50 @@ def tick(row, params, c, est, error, noise, stream, situation, dt, substeps):
                 u3 * situation[HEALTH + 3],
             )
         if situation[ATTACHED] > 0.0:
-            px, py, pz, q0, q1, q2, q3 = row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3]
-            vx, vy, vz, wx, wy, wz = row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2]
+            px, py, pz, q0, q1, q2, q3 = (
+                row[state_row.P],
+                row[state_row.P + 1],
+                row[state_row.P + 2],
+                row[state_row.Q],
+                row[state_row.Q + 1],
+                row[state_row.Q + 2],
+                row[state_row.Q + 3],
+            )
+            vx, vy, vz, wx, wy, wz = (
+                row[state_row.V],
+                row[state_row.V + 1],
+                row[state_row.V + 2],
+                row[state_row.W],
+                row[state_row.W + 1],
+                row[state_row.W + 2],
+            )
             vehicle_step(s, 0, u, p, lag, h)  # for the motors' sake
-            row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = px, py, pz, q0, q1, q2, q3
-            row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2] = vx, vy, vz, wx, wy, wz
+            (
+                row[state_row.P],
+                row[state_row.P + 1],
+                row[state_row.P + 2],
+                row[state_row.Q],
+                row[state_row.Q + 1],
+                row[state_row.Q + 2],
+                row[state_row.Q + 3],
+            ) = px, py, pz, q0, q1, q2, q3
+            (
+                row[state_row.V],
+                row[state_row.V + 1],
+                row[state_row.V + 2],
+                row[state_row.W],
+                row[state_row.W + 1],
+                row[state_row.W + 2],
+            ) = vx, vy, vz, wx, wy, wz
             _carried(row, h)
         else:
             vehicle_step(s, 0, u, p, lag, h)
-            resting = row[P + 2] <= situation[GROUND] and row[V + 2] <= 0.0
+            resting = row[state_row.P + 2] <= situation[GROUND] and row[state_row.V + 2] <= 0.0
             if resting:
                 _stand_on_ground(row, situation[GROUND])
         if c[LANDED] > 0.0:
             for axis in range(3):
-                row[INTEGRAL + axis] = 0.0
+                row[state_row.INTEGRAL + axis] = 0.0
     situation[RESTING] = 1.0 if resting else 0.0
 
 
@@ -159,7 +196,7 @@ def snapshot(row, est, noise, stream, origin_x, origin_y, origin_z, out):
     roll, pitch, heading = to_euler(q)
     out[S_EULER], out[S_EULER + 1], out[S_EULER + 2] = roll, pitch, heading
     out[S_W], out[S_W + 1], out[S_W + 2] = est[EST_W], -est[EST_W + 1], -est[EST_W + 2]
-    out[S_ACC] = row[F] + noise[ACCEL_SIGMA] * normal(stream)
-    out[S_ACC + 1] = -row[F + 1] + noise[ACCEL_SIGMA] * normal(stream)
-    out[S_ACC + 2] = -row[F + 2] + noise[ACCEL_SIGMA] * normal(stream)
+    out[S_ACC] = row[state_row.F] + noise[ACCEL_SIGMA] * normal(stream)
+    out[S_ACC + 1] = -row[state_row.F + 1] + noise[ACCEL_SIGMA] * normal(stream)
+    out[S_ACC + 2] = -row[state_row.F + 2] + noise[ACCEL_SIGMA] * normal(stream)
     out[S_GYRO], out[S_GYRO + 1], out[S_GYRO + 2] = out[S_W], out[S_W + 1], out[S_W + 2]

@@ -26,7 +26,7 @@ from vehicle.px4.sim.control import (
 from vehicle.px4.sim.estimator import Estimator
 from vehicle.px4.sim.plant import GROUND, NSNAP, S_EULER, TICK_NS, snapshot
 from vehicle.px4.sim.state import Flight
-from vehicle.quadrotor.dynamics import COMMAND, MOTOR
+from vehicle.quadrotor import state_row
 
 FULL_MV, EMPTY_MV, EMPTY_PERCENT = 16200, 15300, 51  # SIM_BAT_*: what a SITL battery shows
 DRAIN_S = 30.0  # armed, from full to empty
@@ -103,11 +103,13 @@ class View:
 
     def servos(self) -> tuple[int, ...]:
         """Pulse widths of the four motors while armed."""
-        return tuple(round(1000 + 1000 * u) for u in self.flight.row[COMMAND : COMMAND + 4].tolist())
+        return tuple(
+            round(1000 + 1000 * u) for u in self.flight.row[state_row.COMMAND : state_row.COMMAND + 4].tolist()
+        )
 
     def motors(self) -> tuple[float, ...]:
         """Thrust of the four motors over full thrust."""
-        return tuple(self.flight.row[MOTOR : MOTOR + 4].tolist())
+        return tuple(self.flight.row[state_row.MOTOR : state_row.MOTOR + 4].tolist())
 
     def battery(self) -> tuple[int, int]:
         """Millivolts and percent."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from groundcar.motion import board_motion as m
+from groundcar.motion import motion_row
 from groundcar.motion import paths as t
 from groundcar.motion import speed_laws as s
 from groundcar.motion.kinematics import accelerate, drive
@@ -115,7 +116,7 @@ def test_the_reference_is_the_motion_whatever_the_period():
     assert ref[1:] == pytest.approx(expected[1:], abs=1e-9)
     own, rng = np.zeros(8), stream(0)
     limited = aux.copy()
-    limited[m.ACCEL_LIMIT] = RAMP
+    limited[motion_row.ACCEL_LIMIT] = RAMP
     m.motion_reset(own, limited, u, 0.0, 0.0, False)
     for _ in range(700):
         m.motion_step(own, limited, 0.01, rng)

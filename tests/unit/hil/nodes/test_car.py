@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from groundcar.motion import board_motion as m
+from groundcar.motion import board_row
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import Command, ScoutLink
 from groundcar.scout.follower import CarRef
@@ -69,11 +69,11 @@ def test_a_trip_silences_the_bus_for_good_so_that_the_car_stops_itself():
     assert car.feedback[-1].speed > 1.0
     car.run(0.02, drive(math.nan))
     car.sent.clear()
-    before = car.sim.board_row(0.0, 0.0)[m.X]
+    before = car.sim.board_row(0.0, 0.0)[board_row.X]
     car.run(2.0, drive(1.5))
     assert car.sent == []
     assert car.feedback[-1].speed == pytest.approx(0.0, abs=0.03), "the Scout's own 500 ms watchdog"
-    assert car.sim.board_row(0.0, 0.0)[m.X] > before
+    assert car.sim.board_row(0.0, 0.0)[board_row.X] > before
     assert [text for text in car.texts if "tripped" in text] == ["gate tripped: command is not finite"]
     assert next(e for e in car.events if "tripped" in e.text).severity == "error"
 
@@ -136,8 +136,10 @@ def test_simulated_sensors_see_a_real_car_where_its_wheels_say_it_is():
     board = boards[-1]
     driven = math.dist((1.0, 2.0), board.position[:2])
     assert driven > 2.0
-    assert math.dist(board.position, (row[m.X], row[m.Y], 1.5)) < 0.15 * driven, "but for what the wheels skid"
-    assert board.heading == pytest.approx(row[m.HEADING], abs=0.25)
+    assert math.dist(board.position, (row[board_row.X], row[board_row.Y], 1.5)) < 0.15 * driven, (
+        "but for what the wheels skid"
+    )
+    assert board.heading == pytest.approx(row[board_row.HEADING], abs=0.25)
     assert board.speed == pytest.approx(1.0, abs=0.1)
     vx, vy, _ = board.velocity
     assert (math.hypot(vx, vy), math.atan2(vy, vx)) == pytest.approx((board.speed, board.heading))

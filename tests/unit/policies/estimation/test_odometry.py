@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernel.rotations import body_z, from_rotation_vector, multiply
-from policies.estimation.odometry import NOW_DIM, odometry_now
+from policies.estimation import odometry_row
+from policies.estimation.odometry import odometry_now
 from vehicle.quadrotor.airframe import GRAVITY
 
 RATE = st.tuples(*[st.floats(-3.5, 3.5)] * 3)
@@ -25,7 +26,7 @@ class View:
 
 def now(view, age, thrust=GRAVITY, drag=0.2):
     at = view.stamp_ns + round(age * 1e9)
-    return [part.copy() for part in odometry_now(at, view, thrust, drag, np.zeros(NOW_DIM))]
+    return [part.copy() for part in odometry_now(at, view, thrust, drag, np.zeros(odometry_row.DIM))]
 
 
 @settings(max_examples=40, deadline=None)

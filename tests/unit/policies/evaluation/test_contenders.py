@@ -6,7 +6,8 @@ import pytest
 from policies.evaluation.contenders import open_contender
 from policies.evaluation.evaluate import run_episodes
 from policies.flying.contract import ContractError, read_contract
-from policies.task.contact import OUTCOME, SUCCESS
+from policies.task import result_row
+from policies.task.contact import SUCCESS
 
 STATE = "policies/checkpoints/state.onnx"
 FLAT = {"speed": (0.8, 1.2), "inclination_deg": (0.0, 20.0), "families": (1.0, 0, 0, 0, 0, 0)}
@@ -35,6 +36,6 @@ def test_a_network_is_judged_as_its_contract_says():
 def test_they_perch_on_an_easy_board(name, stage, least):
     contender = open_contender(name)
     ended = run_episodes(contender.policy, contender.config(stage, 40, count=32, **FLAT), noise="measured")
-    assert (ended[:, OUTCOME] == SUCCESS).mean() >= least
+    assert (ended[:, result_row.OUTCOME] == SUCCESS).mean() >= least
     again = run_episodes(contender.policy, contender.config(stage, 40, count=32, **FLAT), noise="measured")
     assert np.array_equal(ended, again)

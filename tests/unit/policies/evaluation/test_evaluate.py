@@ -10,7 +10,8 @@ from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.environment.rows import E_STEPS, ENDED_DIM
 from policies.evaluation.evaluate import POINTS, as_data, evaluate, evaluation_seed, run_episodes, summarise
-from policies.task.contact import OUTCOME, RESULT_DIM, SUCCESS
+from policies.task import result_row
+from policies.task.contact import SUCCESS
 from vehicle.camera.noise import measured_noise
 
 
@@ -27,7 +28,7 @@ def test_every_row_counts_its_first_episodes():
 
 def test_summary():
     ended = np.zeros((4, ENDED_DIM))
-    ended[:3, OUTCOME], ended[3, OUTCOME], ended[3, 1] = SUCCESS, 1, 3
+    ended[:3, result_row.OUTCOME], ended[3, result_row.OUTCOME], ended[3, 1] = SUCCESS, 1, 3
     ended[:, 9], ended[:, E_STEPS] = [-0.5, -0.6, -0.9, -3.0], 200
     row = summarise("T1", ended)
     assert (row.episodes, row.success) == (4, 75.0)
@@ -37,7 +38,7 @@ def test_summary():
     assert json.loads(json.dumps(as_data([row])))[0]["name"] == "T1"
     none = summarise("x", np.ones((3, ENDED_DIM)))
     assert none.success == 0.0 and math.isnan(none.duration)
-    assert RESULT_DIM < ENDED_DIM
+    assert result_row.DIM < ENDED_DIM
 
 
 def test_points_are_the_paper_s():

@@ -5,6 +5,7 @@ import pytest
 
 from kernel.random import normal, stream
 from policies.prediction import speed_history as sh
+from policies.prediction import speeds_row, swing_row
 
 
 def filled(law, seconds, noise=0.0, seed=1):
@@ -20,17 +21,17 @@ def swing(t):
 
 def test_entries_are_a_sample_apart_and_a_gap_clears():
     history = filled(lambda t: t, 2.0)
-    assert history[sh.H_COUNT] == 40
+    assert history[speeds_row.COUNT] == 40
     sh.history_push(history, 2.2, 1.0)
-    assert history[sh.H_COUNT] == 45 and history[sh.H_TIME] == pytest.approx(2.2)
+    assert history[speeds_row.COUNT] == 45 and history[speeds_row.TIME] == pytest.approx(2.2)
     sh.history_push(history, 3.6, 1.0)
-    assert history[sh.H_COUNT] == 1
-    assert filled(lambda t: t, 9.0)[sh.H_COUNT] == sh.LENGTH
+    assert history[speeds_row.COUNT] == 1
+    assert filled(lambda t: t, 9.0)[speeds_row.COUNT] == sh.LENGTH
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_a_swinging_speed_is_foretold_once_it_was_seen_to_swing(noise):
-    fit = np.zeros(sh.FIT_DIM)
+    fit = np.zeros(swing_row.DIM)
     for seed in range(4):
         seconds = 4.5
         sh.fit_swing(filled(swing, seconds, noise, seed), 0.8, fit)
@@ -42,7 +43,7 @@ def test_a_swinging_speed_is_foretold_once_it_was_seen_to_swing(noise):
 
 
 def test_neither_a_constant_nor_a_wandering_speed_is_called_a_swing():
-    fit, rng = np.zeros(sh.FIT_DIM), stream(5)
+    fit, rng = np.zeros(swing_row.DIM), stream(5)
     sh.fit_swing(filled(lambda t: 2.0, 5.0, 0.03), 0.8, fit)
     assert abs(fit[3] * sh.swing_gain(fit, 1.0)) < 0.1 and fit[4] < 0.1
     worst = []
@@ -59,7 +60,7 @@ def test_neither_a_constant_nor_a_wandering_speed_is_called_a_swing():
 
 
 def test_a_short_history_is_not_trusted_and_says_so():
-    fit = np.zeros(sh.FIT_DIM)
+    fit = np.zeros(swing_row.DIM)
     sh.fit_swing(filled(swing, 0.6), 0.8, fit)
     assert fit[3] == 0.0 and fit[4] == sh.UNKNOWN
 

@@ -9,6 +9,7 @@ from policies.network.actor_critic import Actor, NetworkConfig
 from policies.task.observation import OBS_DIM, build_observation, command_from_action, history_dim, push_history
 from policies.task.symmetry import ACTION_SIGNS, OBSERVATION_SIGNS
 from vehicle.quadrotor import dynamics as d
+from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import load_airframe
 from vehicle.quadrotor.rate_control import fly
 
@@ -49,10 +50,16 @@ def test_the_vehicle_flies_the_mirror_image_under_mirrored_actions():
         for each, signs in ((row, np.ones(4)), (image, np.array(ACTION_SIGNS))):
             command_from_action(signs * action, command)
             fly(each, command, params, 0.01, 5)
-    np.testing.assert_allclose(image[d.P : d.P + 3], VECTOR * row[d.P : d.P + 3], atol=1e-9)
-    np.testing.assert_allclose(image[d.V : d.V + 3], VECTOR * row[d.V : d.V + 3], atol=1e-9)
-    np.testing.assert_allclose(image[d.Q : d.Q + 4], TURN * row[d.Q : d.Q + 4], atol=1e-9)
-    assert abs(row[d.P + 1]) > 0.01
+    np.testing.assert_allclose(
+        image[state_row.P : state_row.P + 3], VECTOR * row[state_row.P : state_row.P + 3], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        image[state_row.V : state_row.V + 3], VECTOR * row[state_row.V : state_row.V + 3], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        image[state_row.Q : state_row.Q + 4], TURN * row[state_row.Q : state_row.Q + 4], atol=1e-9
+    )
+    assert abs(row[state_row.P + 1]) > 0.01
 
 
 def test_a_mirrored_actor_does_the_mirror_image_and_another_does_not():

@@ -11,6 +11,7 @@ from kernel.rotations import body_z, wrap_angle, yaw
 from tests.unit.vehicle.px4.driver.driver_bench import MS, START, Bench
 from vehicle.px4 import protocol as px4
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, Rates
+from vehicle.quadrotor import airframe_row
 
 HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
 VISION = {"EKF2_EV_CTRL": 15, "EKF2_GPS_CTRL": 0, "EKF2_HGT_REF": 3, "SENS_EN_GPSSIM": 0, "SYS_HAS_GPS": 0}
@@ -111,7 +112,7 @@ def test_thrust_is_mass_normalised_by_the_learned_hover(factor):
     from vehicle.quadrotor import airframe as af
 
     row = af.load_airframe("paper_quad").params_row()
-    row[af.MOTOR_THRUST] *= factor
+    row[airframe_row.MOTOR_THRUST] *= factor
     bench = Bench(sim={"params_row": row}).to("hover")
     assert bench.out.hover_thrust == pytest.approx(bench.config.hover_thrust / factor, rel=0.02)
     bench.run(0.1, hover)

@@ -9,7 +9,7 @@ import pytest
 from kernel.rotations import from_euler, swap_attitude
 from tests.unit.vehicle.px4.sim.client import NAN, Rig
 from vehicle.px4 import protocol as px4
-from vehicle.quadrotor.dynamics import MOTOR
+from vehicle.quadrotor import state_row
 
 ACCEPTED, REJECTED = 0, 1
 
@@ -116,7 +116,7 @@ def test_thrust_is_linear_and_a_missing_throttle_is_none():
     for thrust, mask in ((0.3, 0x80), (0.7, 0x80), (0.7, 0xC0)):
         rig.run(400, lambda thrust=thrust, mask=mask: rig.rates(thrust=thrust, mask=mask))
         expected = 0.0 if mask == 0xC0 else thrust
-        assert rig.sim.row[MOTOR : MOTOR + 4].mean() == pytest.approx(expected, abs=0.01)
+        assert rig.sim.row[state_row.MOTOR : state_row.MOTOR + 4].mean() == pytest.approx(expected, abs=0.01)
 
 
 def test_attitude_target_keeps_a_stale_thrust_while_rates_are_flown():
