@@ -1,7 +1,7 @@
-"""The simulated Scout Mini behind its CAN wire: what answers at the other end of the bus instead of the car.
+"""The simulated Scout Mini behind its CAN wire: the other end of the bus in place of the car.
 
 Power-on is standby, where only 0x421 is obeyed; the remote control has priority; 500 ms without a motion command stop
-the car; e-stop, faults and an empty battery stop it too. Physics: groundcar.scout.physics. No clock: `step` says.
+the car; e-stop, faults and an empty battery stop it too. Physics: groundcar.scout.physics. Time comes from `step`.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class ScoutSim:
         self.place(*pose)
 
     def place(self, x: float, y: float, heading: float) -> None:
-        """Set the car down at rest. Raises ValueError unless all are finite."""
+        """Place the car at rest. Raises ValueError unless all are finite."""
         if not all(map(math.isfinite, (x, y, heading))):
             raise ValueError(f"the car cannot be placed at ({x}, {y}, {heading}): give finite numbers")
         self._state[:] = 0.0
@@ -78,7 +78,7 @@ class ScoutSim:
         self._pending.clear()
         self._asked = (0.0, 0.0)
 
-    # what really is: for the board, motion capture and tests, never for the driver
+    # truth: for the board, motion capture and tests, never for the driver
 
     @property
     def pose(self) -> Pose:
@@ -115,7 +115,7 @@ class ScoutSim:
         """Frames of wrong length or unknown identifier."""
         return self._decoder.rejected
 
-    # faults and what people do to the car
+    # faults and operators' actions
 
     def press_estop(self, pressed: bool = True) -> None:
         """The red button at the back."""
@@ -141,13 +141,13 @@ class ScoutSim:
             self._faults[fault, wheel] = False
 
     def mute(self, *names: str) -> None:
-        """Feedback messages that the car no longer sends; none: it sends all again."""
+        """Feedback messages that the car stops sending; without names it sends all again."""
         self._sender.muted = frozenset(names)
 
     # the bus
 
     def step(self, now_ns: int) -> None:
-        """Move up to `now_ns`, hear the bus, send what is due. Raises ValueError if time runs backward."""
+        """Advance to `now_ns`, read the bus, send what is due. Raises ValueError if time runs backward."""
         if self._time_ns is None:
             self._time_ns = now_ns
         if now_ns < self._time_ns - ph.STEP_NS:

@@ -17,12 +17,12 @@ from policies.planner.planner import (
     planner_step,
 )
 from policies.planner.runup import runs_up
-from policies.prediction import coast_row, net_row, speeds_row, swing_row
+from policies.prediction import coast_row, net_row, oscillation_row, speeds_row
 from policies.prediction.coast import coast_future, coast_keep, coast_state, coasting
-from policies.prediction.future import carry_swing, predict_swing
+from policies.prediction.future import carry_oscillation, predict_oscillation
 from policies.prediction.learned import HISTORY_DIM as _COAST
 from policies.prediction.learned import predict_learned, predictor_push
-from policies.prediction.speed_history import HISTORY_DIM, fit_swing, history_push
+from policies.prediction.speed_history import HISTORY_DIM, fit_oscillation, history_push
 
 MEMORY_DIM = _COAST + coast_row.DIM
 _FRESH = 0.25  # s, age of a belief whose speed is still worth remembering
@@ -38,7 +38,7 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
     limits = params[pp.COUNT :] if runs_up(x, params) else params
     history, fit, coast = (
         state[S_HISTORY : S_HISTORY + HISTORY_DIM],
-        state[S_FIT : S_FIT + swing_row.DIM],
+        state[S_FIT : S_FIT + oscillation_row.DIM],
         memory[_COAST:],
     )
     age, learned = estimate[E_AGE], net.shape[0] > 0
@@ -48,18 +48,18 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
             history_push(history, t, x[4])
     tau, due = limits[pp.PREDICT_TAU], planner_due(state, t)
     if due:
-        fit_swing(history, tau, fit)
-        estimate[E_SURPRISE] = fit[swing_row.SURPRISE]
+        fit_oscillation(history, tau, fit)
+        estimate[E_SURPRISE] = fit[oscillation_row.SURPRISE]
     if learned and coasting(coast, t, age):
         coast_state(coast, t, step, x)
         if due:
             coast_future(coast, t, step, future)
     else:
-        fit[swing_row.SINCE] = t - history[speeds_row.TIME]
+        fit[oscillation_row.SINCE] = t - history[speeds_row.TIME]
         east, north, speed = x[0], x[1], x[4]
-        carry_swing(x, fit, age, limits[pp.FILTER_TAU])
+        carry_oscillation(x, fit, age, limits[pp.FILTER_TAU])
         if due:
-            predict_swing(x, fit, tau, step, future)
+            predict_oscillation(x, fit, tau, step, future)
             if learned:
                 # The network was taught on the filter's own belief, and makes up for its lag by itself.
                 carried_east, carried_north, carried = x[0], x[1], x[4]

@@ -20,9 +20,9 @@ from policies.planner.glide import glide
 from policies.planner.motion import WAIT, fly_motion
 from policies.planner.runup import flare_gate, fly_runup, met_slow, runs_up, runup_time
 from policies.planner.search import MOTION_DIM, search
-from policies.prediction import speeds_row, swing_row
-from policies.prediction.future import carry_swing, predict_swing
-from policies.prediction.speed_history import HISTORY_DIM, fit_swing, history_push
+from policies.prediction import oscillation_row, speeds_row
+from policies.prediction.future import carry_oscillation, predict_oscillation
+from policies.prediction.speed_history import HISTORY_DIM, fit_oscillation, history_push
 
 HOLD, FOLLOW, COMMIT, TERMINAL, AROUND, RUN_UP, GLIDE = 0, 1, 2, 3, 4, 5, 6
 PHASES = ("hold", "follow", "commit", "terminal", "go_around", "run_up", "glide")
@@ -38,7 +38,7 @@ S_START = S_MOTION + 3 * MOTION_DIM
 S_BOARD = S_START + 9
 S_HISTORY = S_BOARD + 8
 S_FIT = S_HISTORY + HISTORY_DIM
-S_TARGET = S_FIT + swing_row.DIM
+S_TARGET = S_FIT + oscillation_row.DIM
 S_OWN = S_TARGET + 8  # the parameters, with the drag that was found and the impact speed for this belief
 PLANNER_DIM = S_OWN + pp.COUNT
 
@@ -303,15 +303,15 @@ def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, ou
     """
     if runs_up(x, params):
         params = params[pp.COUNT :]
-    history, fit = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + swing_row.DIM]
+    history, fit = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + oscillation_row.DIM]
     if estimate[E_VALID] > 0.0 and estimate[E_AGE] < _FRESH:
         history_push(history, t, x[4])
     tau = params[pp.PREDICT_TAU]
     if planner_due(state, t):
-        fit_swing(history, tau, fit)
-        estimate[E_SURPRISE] = fit[swing_row.SURPRISE]
-    fit[swing_row.SINCE] = t - history[speeds_row.TIME]
-    carry_swing(x, fit, estimate[E_AGE], params[pp.FILTER_TAU])
+        fit_oscillation(history, tau, fit)
+        estimate[E_SURPRISE] = fit[oscillation_row.SURPRISE]
+    fit[oscillation_row.SINCE] = t - history[speeds_row.TIME]
+    carry_oscillation(x, fit, estimate[E_AGE], params[pp.FILTER_TAU])
     if planner_due(state, t):
-        predict_swing(x, fit, tau, step, future)
+        predict_oscillation(x, fit, tau, step, future)
     return _step(state, t, p, v, q, x, estimate, future, step, params, out)

@@ -12,8 +12,8 @@ from groundcar.motion import board_row
 from kernel.jit import njit
 from policies.estimation import belief_state
 from policies.estimation.ctrv import advance_state
-from policies.prediction import swing_row
-from policies.prediction.speed_history import swing_gain
+from policies.prediction import oscillation_row
+from policies.prediction.speed_history import oscillation_gain
 
 HORIZON, STEP = 64, 0.05  # rows and seconds of the planner's future: 3.15 s
 
@@ -35,34 +35,37 @@ def predict_future(state, tau, step, out):
 
 
 @njit
-def carry_swing(state, fit, age, tau):
+def carry_oscillation(state, fit, age, tau):
     """Correct a believed `state` ((8,), in place) that was carried over `age` s without a measurement.
 
     The filter lets the acceleration decay in `tau` s; where the `fit` of speed_history is trusted the speed kept
     oscillating.
     """
-    if fit[swing_row.TRUST] <= 0.0 or age <= 0.0:
+    if fit[oscillation_row.TRUST] <= 0.0 or age <= 0.0:
         return
     keep = math.exp(-age / tau)
     gained = state[belief_state.ACCELERATION] / keep * tau * (1.0 - keep)
     # Metres and m/s of the oscillation over the gap (Simpson's rule), against those of the filter's own acceleration.
-    back, middle = swing_gain(fit, -age), swing_gain(fit, -0.5 * age)
+    back, middle = oscillation_gain(fit, -age), oscillation_gain(fit, -0.5 * age)
     swung = -back
     swung_far = age * (4.0 * (middle - back) + (0.0 - back)) / 6.0
     gained_far = state[belief_state.ACCELERATION] / keep * tau * age - gained * tau
-    faster, farther = fit[swing_row.TRUST] * (swung - gained), fit[swing_row.TRUST] * (swung_far - gained_far)
+    faster, farther = (
+        fit[oscillation_row.TRUST] * (swung - gained),
+        fit[oscillation_row.TRUST] * (swung_far - gained_far),
+    )
     state[belief_state.X] += farther * math.cos(state[belief_state.HEADING])
     state[belief_state.Y] += farther * math.sin(state[belief_state.HEADING])
     state[belief_state.SPEED] += faster
 
 
 @njit
-def predict_swing(state, fit, tau, step, out):
+def predict_oscillation(state, fit, tau, step, out):
     """Fill `out` ((K, 8)) like `predict_future`, with an oscillating speed as far as `fit` (a swing row) is trusted.
 
     The path's curvature is kept rather than the turn rate: a car that slows down in a bend turns more slowly.
     """
-    trust, speed0 = fit[swing_row.TRUST], state[belief_state.SPEED]
+    trust, speed0 = fit[oscillation_row.TRUST], state[belief_state.SPEED]
     x = out[out.shape[0] - 1]
     x[:] = state
     bend = state[belief_state.TURN_RATE] / speed0 if abs(speed0) > 0.5 else 0.0
@@ -73,7 +76,7 @@ def predict_swing(state, fit, tau, step, out):
         before = speed
         ahead = (k + 1) * step
         singer = speed0 + state[belief_state.ACCELERATION] * tau * (1.0 - math.exp(-ahead / tau))
-        speed = (1.0 - trust) * singer + trust * (speed0 + swing_gain(fit, ahead))
+        speed = (1.0 - trust) * singer + trust * (speed0 + oscillation_gain(fit, ahead))
         mean = 0.5 * (before + speed)
         turn = bend * mean if abs(speed0) > 0.5 else state[belief_state.TURN_RATE]
         x[belief_state.SPEED], x[belief_state.TURN_RATE], x[belief_state.ACCELERATION] = mean, turn, 0.0

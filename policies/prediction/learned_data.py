@@ -1,4 +1,4 @@
-"""What the motion predictor learns from: boards as they are really driven, seen through camera, delays and belief."""
+"""Training data of the motion predictor: drawn board motions, observed through camera model, delays and belief."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from vehicle.camera.pinhole import Camera
 
 DT = 0.01
 SNAPSHOTS = 16  # examples of one drive
-SEEN = 620  # ticks a drive is watched
+SEEN = 620  # ticks a drive is observed
 TICKS = SEEN + round((HORIZON - 1) * STEP / DT) + 1
 EVERY = 3  # rows of the future between two targets
 TARGETS = (HORIZON - 1) // EVERY + 1  # each: x, y, heading, speed, in the believed frame
@@ -36,7 +36,7 @@ TARGETS = (HORIZON - 1) // EVERY + 1  # each: x, y, heading, speed, in the belie
 
 @njit
 def draw_motion(row, aux, response, damping, top, rng):
-    """Draw a board's motion into `row` (8,), `aux` (A,): path, speed law, and how the car answers.
+    """Draw a board's motion into `row` (board row) and `aux` (motion row): path, speed law, and the car's response.
 
     `response` rad/s, `damping`: the real car's, about which six in ten are drawn; `top` m/s.
     """
@@ -47,7 +47,7 @@ def draw_motion(row, aux, response, damping, top, rng):
     )
     angle = uniform(rng, -math.pi, math.pi)
     path[path_row.HEADING], path[path_row.COS], path[path_row.SIN] = angle, math.cos(angle), math.sin(angle)
-    # Drawn evenly to beyond `top`, as else the fastest would be expected to slow down.
+    # Drawn to beyond `top`, or else the predictor would learn that the fastest boards slow down.
     speed, family = min(uniform(rng, 0.0, 1.15 * top), uniform(rng, 0.0, 1.6 * top)), uniform(rng, 0.0, 1.0)
     aux[motion_row.CHANGE_TIME], aux[motion_row.CHANGE_LENGTH] = math.inf, math.inf
     kind = tr.SPLINE
@@ -132,7 +132,7 @@ def _target(truth, tick, x, out):
 
 @njit
 def watch(truth, noise, scale, losses, bparams, cam, rng, inputs, contexts, targets, states, histories):
-    """Watch one drive (`truth` (T, 8), every DT) as a follower's camera would; returns the number of examples.
+    """Observe one drive (`truth` (T, 8), every DT) with a following camera; returns the number of examples.
 
     Fills `inputs` (SNAPSHOTS, INPUTS) float32, `contexts` (SNAPSHOTS, CONTEXT), `targets` (SNAPSHOTS, 4 TARGETS),
     `states` (SNAPSHOTS, 10: the believed row, then time and tick) and, if it has rows, `histories`. `losses`: chance of

@@ -3,10 +3,10 @@
 python -m policies.prediction.learned_training [--minutes M] [--drives N] [--seed S] [--out FILE]
 
 Supervised: the path that the network's speeds and turn rates give, integrated as in flight but without
-`predictor.believe_filter`, shall be the path that was driven. One thread. Prints the error at about 0.5, 1, 1.5 and 2 s
-on held-out drives beside the base motion's.
-The committed weights: --minutes 9 --seed 1 --out A, then --minutes 7 --seed 2 --start A --out B, each with a filter of
-before, then --minutes 5 --seed 3 --start B with one nearly as today's (accel_sigma, accel_tau, settle: 1.2, 0.3, 0.8).
+`learned.believe_filter`, is trained to be the path that was driven. One thread. Prints the error at about 0.5, 1, 1.5
+and 2 s on held-out drives beside the base motion's. The committed weights: --minutes 9 --seed 1 --out A, then --minutes
+7 --seed 2 --start A --out B, each with earlier filter parameters, then --minutes 5 --seed 3 --start B with accel_sigma
+1.2, accel_tau 0.3 and settle 0.8.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ GATE = (
     0.8,
     1.6,
     0.0,
-)  # see predictor.G_FROM ..; from the validation below: where the network stops being better
+)  # limits of trust (net_row.SHORT and following), from the validation below
 AHEAD = np.arange(TARGETS) * EVERY * STEP
 _MIRRORED = (1, 5)  # channels of an entry that change sign in a mirror: turn rate, sideways speed
 
@@ -69,7 +69,7 @@ def network_row(network: nn.Sequential) -> np.ndarray:
 
 
 class DrivenPath(nn.Module):
-    """From outputs to the path: base motion + interpolated residuals, integrated like `predictor.integrate_rows`."""
+    """From outputs to the path: base motion + interpolated residuals, integrated like `learned.integrate_rows`."""
 
     def __init__(self) -> None:
         super().__init__()

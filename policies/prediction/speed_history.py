@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit
-from policies.prediction import speeds_row, swing_row
+from policies.prediction import oscillation_row, speeds_row
 
 SAMPLE = 0.05  # s between entries
 LENGTH = 100  # entries: 5 s
@@ -115,19 +115,24 @@ def _fit(history, skip, fit):
         left = svv - m * sv - a * svc - b * svs
         if left < best:
             best = left
-            fit[swing_row.OMEGA], fit[swing_row.COSINE], fit[swing_row.SINE], fit[swing_row.CONSTANT] = omega, a, b, m
+            (
+                fit[oscillation_row.OMEGA],
+                fit[oscillation_row.COSINE],
+                fit[oscillation_row.SINE],
+                fit[oscillation_row.CONSTANT],
+            ) = omega, a, b, m
     return True
 
 
 @njit
-def fit_swing(history, tau, fit):
+def fit_oscillation(history, tau, fit):
     """Fit constant + sinusoid to the history; fills `fit` ((FIT_DIM,)).
 
     Its trust is measured on the past: the same fit made _BACK entries ago must predict the entries since better than an
     acceleration that decays in `tau` s. Trust 0 means: do not use it.
     """
     fit[:] = 0.0
-    fit[swing_row.SURPRISE] = UNKNOWN
+    fit[oscillation_row.SURPRISE] = UNKNOWN
     if int(history[speeds_row.COUNT]) < _BACK + _LINE:
         return
     fitted = _fit(history, _BACK, fit)
@@ -143,24 +148,27 @@ def fit_swing(history, tau, fit):
         t, v = (_BACK - i) * SAMPLE, history[speeds_row.RING + (head - i) % LENGTH]
         swung += (
             v
-            - fit[swing_row.CONSTANT]
-            - fit[swing_row.COSINE] * math.cos(fit[swing_row.OMEGA] * t)
-            - fit[swing_row.SINE] * math.sin(fit[swing_row.OMEGA] * t)
+            - fit[oscillation_row.CONSTANT]
+            - fit[oscillation_row.COSINE] * math.cos(fit[oscillation_row.OMEGA] * t)
+            - fit[oscillation_row.SINE] * math.sin(fit[oscillation_row.OMEGA] * t)
         ) ** 2
         held += (v - then - slope * tau * (1.0 - math.exp(-t / tau))) ** 2
     if not fitted:
-        fit[swing_row.SURPRISE] = math.sqrt(held / _BACK)
+        fit[oscillation_row.SURPRISE] = math.sqrt(held / _BACK)
         return
     trust = min(1.0, max(0.0, 1.2 * (1.0 - swung / (held + _BACK * _NOISE * _NOISE))))
     _fit(history, 0, fit)
-    fit[swing_row.TRUST] = trust
-    fit[swing_row.SURPRISE] = math.sqrt((trust * swung + (1.0 - trust) * held) / _BACK)
+    fit[oscillation_row.TRUST] = trust
+    fit[oscillation_row.SURPRISE] = math.sqrt((trust * swung + (1.0 - trust) * held) / _BACK)
 
 
 @njit
-def swing_gain(fit, t):
+def oscillation_gain(fit, t):
     """Change of speed (m/s) that the fit expects from now until `t` s ahead, not yet weighted by its trust."""
-    now, then = fit[swing_row.OMEGA] * fit[swing_row.SINCE], fit[swing_row.OMEGA] * (fit[swing_row.SINCE] + t)
-    return fit[swing_row.COSINE] * (math.cos(then) - math.cos(now)) + fit[swing_row.SINE] * (
+    now, then = (
+        fit[oscillation_row.OMEGA] * fit[oscillation_row.SINCE],
+        fit[oscillation_row.OMEGA] * (fit[oscillation_row.SINCE] + t),
+    )
+    return fit[oscillation_row.COSINE] * (math.cos(then) - math.cos(now)) + fit[oscillation_row.SINE] * (
         math.sin(then) - math.sin(now)
     )

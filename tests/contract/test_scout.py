@@ -96,7 +96,7 @@ def test_power_on_to_driving_and_back(bench):
     assert bench.car.speed == pytest.approx(0.0, abs=0.01)
 
 
-def test_the_car_s_watchdog_acts_when_the_one_who_decides_hangs(bench):
+def test_car_watchdog_stops_the_car_when_commands_cease(bench):
     bench.fit().run(3.0, straight)
     last = bench.now
     bench.run(0.3, lambda now: Command(last, 1.0, 0.0))  # the same command, over and over
@@ -106,7 +106,7 @@ def test_the_car_s_watchdog_acts_when_the_one_who_decides_hangs(bench):
     assert feedback.refused_commands > 90
 
 
-def test_estop_fault_and_remote_control_are_survived(bench):
+def test_link_recovers_from_estop_fault_and_remote_control(bench):
     bench.fit().run(2.0, straight)
     bench.car.press_estop()
     assert "e-stop" in bench.run(1.0, straight).fault
@@ -124,7 +124,7 @@ def test_estop_fault_and_remote_control_are_survived(bench):
     assert bench.car.speed == pytest.approx(1.0, abs=0.15)
 
 
-def test_a_dead_bus_is_noticed(bench):
+def test_dead_bus_is_reported_as_a_fault(bench):
     bench.fit().run(1.0, straight)
     bench.car.mute("MotionState")
     assert "silent" in bench.run(0.5, straight).fault

@@ -114,7 +114,7 @@ def _move(work, k, h):
 
 @njit
 def fly_block(rows, orders, params, first, h, substeps):
-    """Advance rows first .. first + LANES - 1 of (N, state_row.DIM) by `substeps` of `h` s in place, up to the last row.
+    """Advance rows first .. first + LANES - 1 of (N, state_row.DIM) in place by `substeps` of `h` s, to the last row.
 
     `orders` (N, order_row.DIM), `params` (N, airframe_row.DIM).
     """

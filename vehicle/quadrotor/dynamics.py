@@ -50,7 +50,7 @@ def column(row):
 
 @njit(inline="always")
 def vehicle_step(s, k, u, p, lag, dt):
-    """Advance the vehicle in column k of `s` (state_row.DIM, L) in place by `dt` s (2-4 ms); `u`: motor commands (4-tuple).
+    """Advance column k of `s` (state_row.DIM, L) in place by `dt` s (2-4 ms) under motor commands `u` (4-tuple).
 
     `p` (airframe_row.DIM, L): airframe rows. `lag` comes from `motor_lag` for the same airframe and `dt`. Without a
     branch here, a loop over k becomes vector instructions (see `vehicle.quadrotor.batch`).

@@ -109,7 +109,7 @@ def test_the_change_can_be_asked_for_by_length():
     assert rows[205:, board_row.TURN_RATE] == pytest.approx(1.0)
 
 
-def test_the_future_is_what_then_happens_and_disturbs_nothing():
+def test_future_equals_later_steps_and_leaves_the_motion_unchanged():
     law = s.scheduled_speed(2.2, 1.5, 0.5)
     aux = motion_aux(t.SPLINE, spline(6, 2.2), s.SCHEDULED, law, change_time=1.0, arc_radius=3.0)
     row, rng = np.zeros(8), stream(1)
@@ -145,7 +145,7 @@ def test_from_rest_with_an_acceleration_limit():
     assert rows[:, board_row.SPEED] == pytest.approx(np.minimum(time, 2.0), abs=1e-9)
 
 
-def test_a_sluggish_car_overshoots_as_a_second_order_system_does():
+def test_response_overshoots_as_a_second_order_system():
     aux = motion_aux(*LOOPS["arc"], s.COSINE, s.cosine_speed(), response=4.0, damping=0.45)
     speed = rollout(aux, seconds=15.0, dt=0.002)[3000:, board_row.SPEED]
     r = 2 * math.pi / 3 / 4.0
@@ -179,7 +179,7 @@ def test_rows_of_a_batch_move_as_single_ones():
         assert np.array_equal(rows[i], rollout(aux, seconds=2.0, seed=i)[-1])
 
 
-def test_nonsense_is_refused():
+def test_invalid_arguments_are_refused():
     path, speed = t.arc_path(3.0), CONSTANT
     with pytest.raises(ValueError, match="path row"):
         motion_aux(t.ARC, path[:5], s.CONSTANT, speed)

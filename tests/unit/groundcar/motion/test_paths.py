@@ -130,6 +130,6 @@ def test_static_stands():
         lambda: t.spline_path(np.full((12, 2), math.nan)),
     ],
 )
-def test_nonsense_is_refused(build):
+def test_invalid_arguments_are_refused(build):
     with pytest.raises(ValueError, match=r"must|turn"):
         build()

@@ -12,7 +12,7 @@ START = (1.0, -2.0, 0.5)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.sampled_from([10, 20, 50]))
-def test_a_circle_is_followed_exactly_however_often_the_car_reports(speed, turn_rate, step_ms):
+def test_dead_reckoning_is_exact_on_a_circle_at_any_report_rate(speed, turn_rate, step_ms):
     found = DeadReckoning(START, 1.5, 0.7)
     for k in range(0, 1001, step_ms):
         found.add(k * MS, speed, turn_rate)
@@ -33,12 +33,12 @@ def test_a_circle_is_followed_exactly_however_often_the_car_reports(speed, turn_
     )
 
 
-def test_it_stands_where_it_was_put_until_the_car_speaks():
+def test_pose_is_constant_before_the_first_report():
     row = DeadReckoning(START, 1.5, 0.7).board_row(5000 * MS)
     assert (row[board_row.X], row[board_row.Y], row[board_row.HEADING], row[board_row.SPEED]) == (*START, 0.0)
 
 
-def test_between_reports_it_drives_on_but_not_for_ever():
+def test_prediction_between_reports_is_limited_to_half_a_second():
     found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
     found.add(0, 2.0, 0.0)
     assert found.board_row(100 * MS)[board_row.X] == pytest.approx(0.2)
@@ -46,7 +46,7 @@ def test_between_reports_it_drives_on_but_not_for_ever():
 
 
 @pytest.mark.parametrize(("stamp", "speed"), [(10 * MS, 5.0), (20 * MS, 5.0), (30 * MS, math.nan)])
-def test_old_reports_and_garbage_change_nothing(stamp, speed):
+def test_old_and_non_finite_reports_are_ignored(stamp, speed):
     found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
     found.add(0, 1.0, 0.0)
     found.add(20 * MS, 1.0, 0.0)

@@ -74,14 +74,14 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("age_ms", [0, 20])
-def test_a_car_set_down_beside_its_path_is_brought_onto_it_and_stays(name, age_ms):
+def test_follower_converges_to_the_path_from_a_lateral_offset(name, age_ms):
     run = drive_along(*CASES[name], seconds=30.0, offset=(0.3, -0.2, 0.2), age_ms=age_ms)
     away, turned = errors(run, after=6.0)
     assert away.max() < 0.08
     assert turned.max() < 0.12
 
 
-def test_it_backs_along_the_line_without_turning_round():
+def test_follower_reverses_on_a_line_with_constant_heading():
     run = drive_along(*CASES["line"], seconds=30.0)
     _, turned = errors(run, after=1.0)
     assert run[:, 8].min() < -2.4
@@ -123,7 +123,7 @@ def test_the_reference_is_the_motion_whatever_the_period():
     assert ref[1:] == pytest.approx([own[i] for i in (0, 1, 3, 4, 5)], abs=1e-9)
 
 
-def test_the_preview_foretells_the_reference():
+def test_preview_equals_the_later_reference():
     aux, u = CASES["hard-ii"]
     follower = Follower(aux, u, stream(0))
     foretold = follower.preview(7.0)
@@ -153,7 +153,7 @@ def test_on_the_reference_it_asks_for_the_feed_forward():
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0])
-def test_errors_are_answered_towards_the_reference(speed):
+def test_follow_corrects_position_and_heading_errors(speed):
     here = row(speed=speed)
     assert follow(here, here, -0.1, 0.0, 0.0, GAINS, LIMITS)[0] > speed  # reference ahead
     assert follow(here, here, 0.1, 0.0, 0.0, GAINS, LIMITS)[0] < speed
@@ -162,7 +162,7 @@ def test_errors_are_answered_towards_the_reference(speed):
     assert follow(here, here, 0.0, 0.0, -0.1, GAINS, LIMITS)[1] > 0.0
 
 
-def test_asks_stay_within_the_car_s_limits():
+def test_commands_stay_within_the_car_s_limits():
     far = row(100.0, 100.0, 2.0, 2.9, 1.0)
     speed, turn = follow(far, far, 0.0, 0.0, 0.0, GAINS, LIMITS)
     assert abs(speed) <= 3.0

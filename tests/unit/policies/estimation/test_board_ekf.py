@@ -77,7 +77,7 @@ def run(kind, seed, sigma=0.03, angle=0.03, lost=(), period=6, seconds=6.0, para
 
 @pytest.mark.parametrize("kind", ["ou", "cosine", "line"])
 @pytest.mark.parametrize("sigma", [0.08, 0.008])
-def test_errors_are_as_large_as_the_filter_says(kind, sigma):
+def test_errors_are_consistent_with_the_covariance(kind, sigma):
     runs = [run(kind, seed, sigma, sigma) for seed in range(6)]
     nis = np.concatenate([r[1] for r in runs]).mean()
     position = np.concatenate([r[2] for r in runs]).mean()
@@ -89,7 +89,7 @@ def test_errors_are_as_large_as_the_filter_says(kind, sigma):
 
 
 @pytest.mark.parametrize("kind", ["ou", "cosine"])
-def test_a_second_without_measurements_in_a_turn_does_not_lock_the_filter_out(kind):
+def test_filter_recovers_after_a_second_without_measurements_in_a_turn(kind):
     for seed in range(8):
         filter_, *_, truth, codes = run(kind, seed, 0.02, 0.02, lost=((3.0, 4.0),))
         now = filter_.estimate(6_000 * MS)
@@ -99,7 +99,7 @@ def test_a_second_without_measurements_in_a_turn_does_not_lock_the_filter_out(ki
         assert abs(now.speed - truth[4]) < 0.35
 
 
-def test_a_jump_is_refused_then_believed_and_a_lone_outlier_never():
+def test_innovation_test_refuses_an_outlier_and_restarts_after_a_jump():
     filter_ = BoardFilter()
     for k in range(20):
         assert filter_.update(k * 30 * MS, (0.06 * k, 0, 1.5), quaternion(0, 0.5), 0.02, 0.02) == "accepted"
@@ -175,7 +175,7 @@ def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
 
 @pytest.mark.parametrize("turn", [1.2, -0.4])
 @pytest.mark.parametrize("seconds", [0.05, 0.1, 0.5, 2.0])
-def test_a_bend_that_is_no_longer_seen_ends(turn, seconds):
+def test_turn_rate_decays_without_measurements(turn, seconds):
     row, out = np.zeros(belief_row.DIM), np.zeros(8)
     row[:8] = (1.0, 2.0, 1.5, 0.3, 2.0, turn, 0.4, 0.0)
     row[belief_row.STREAK] = 9.0
@@ -188,7 +188,7 @@ def test_a_bend_that_is_no_longer_seen_ends(turn, seconds):
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, -3.0])
-def test_the_turn_rate_wanders_by_the_speed(speed):
+def test_turn_rate_noise_grows_with_speed(speed):
     x, p = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, 0.3, 0.0, 0.0]), np.zeros(belief_state.DIM * belief_state.DIM)
     advance_covariance(x, p, 0.04, PARAMS.row(), 0.5)
     assert math.sqrt(p[5 * (belief_state.DIM + 1)]) == pytest.approx(0.2 * (PARAMS.q_turn + PARAMS.q_bend * abs(speed)))
@@ -214,7 +214,7 @@ def test_covariance_is_carried_by_the_jacobian_of_the_motion():
 
 
 @pytest.mark.parametrize("kind", ["ou", "line"])
-def test_where_the_board_goes_tells_its_heading_from_what_is_measured_of_it(kind):
+def test_motion_separates_heading_from_its_bias(kind):
     ends = [run(kind, seed, 0.02, 0.03, period=4, seconds=5.3, bias=0.05)[:5:4] for seed in range(12)]
     errors = [b.wrap(filter_.row[3] - truth[3]) for filter_, truth in ends]
     left = np.array([filter_.row[8] - 0.05 for filter_, _ in ends])
@@ -225,7 +225,7 @@ def test_where_the_board_goes_tells_its_heading_from_what_is_measured_of_it(kind
     assert (sigmas < 0.7 * PARAMS.bias_heading).all() and np.mean((left / sigmas) ** 2) < 6.0
 
 
-def test_a_standing_board_keeps_the_heading_that_is_measured():
+def test_standing_board_keeps_the_measured_heading():
     filter_, *_, truth, _ = run("static", 3, 0.01, 0.01, seconds=3.0, bias=0.03)
     assert b.wrap(filter_.row[3] - truth[3]) == pytest.approx(0.03, abs=0.01)
     assert math.sqrt(filter_.row[belief_row.COVARIANCE + 8 * (belief_state.DIM + 1)]) == pytest.approx(
@@ -233,7 +233,7 @@ def test_a_standing_board_keeps_the_heading_that_is_measured():
     )
 
 
-def test_surface_sigma_is_that_of_the_board_along_its_normal_when_it_was_last_seen():
+def test_surface_sigma_is_along_the_normal_at_the_last_measurement():
     row, rng = np.zeros(belief_row.DIM), np.random.default_rng(4)
     assert b.surface_sigma(row) == 0.1
     root = rng.normal(0.0, 0.02, (belief_state.DIM, belief_state.DIM))
@@ -251,7 +251,7 @@ def test_surface_sigma_is_that_of_the_board_along_its_normal_when_it_was_last_se
     assert b.surface_sigma(row) == 0.1
 
 
-def test_headings_across_pi_do_not_upset_it():
+def test_filter_is_continuous_across_heading_pi():
     filter_ = BoardFilter()
     codes = [
         filter_.update(k * 33 * MS, (-0.033 * k, 0, 1.5), quaternion(math.pi + 0.02 * (-1) ** k, 0.3), 0.01, 0.02)

@@ -51,7 +51,7 @@ def test_the_mixture_has_the_moments_of_its_parts_and_mixing_keeps_them(seed):
     assert p.reshape(belief_state.DIM, belief_state.DIM) == pytest.approx(covariance)
 
 
-def test_headings_on_both_sides_of_pi_meet_there():
+def test_mixture_of_headings_across_pi():
     weights, models = np.array([0.5, 0.5]), np.zeros(belief_row.MODEL_COUNT * belief_row.MODEL_DIM)
     models[3], models[belief_row.MODEL_DIM + 3] = np.pi - 0.02, -np.pi + 0.04
     x, p = np.zeros(belief_state.DIM), np.zeros(belief_state.DIM * belief_state.DIM)
@@ -60,7 +60,7 @@ def test_headings_on_both_sides_of_pi_meet_there():
     assert p[3 * (belief_state.DIM + 1)] == pytest.approx(0.03**2)
 
 
-def test_what_was_seen_long_ago_does_not_count_and_noise_decides():
+def test_model_probabilities_return_to_the_prior_after_a_long_gap():
     weights, models = mixture(1)
     prior, mixed, usual = np.zeros(belief_row.MODEL_COUNT), np.zeros_like(models), np.zeros(belief_row.MODEL_COUNT)
     for sigma, calm in ((0.02, 0.0), (1.5 * PARAMS.calm_noise, 0.475), (0.2, 0.95)):
@@ -71,7 +71,7 @@ def test_what_was_seen_long_ago_does_not_count_and_noise_decides():
         assert prior == pytest.approx(usual)
 
 
-def test_the_likelier_model_gains_and_one_that_is_not_in_question_stays_out():
+def test_judge_raises_the_likelier_model_and_keeps_zero_at_zero():
     weights = np.zeros(belief_row.MODEL_COUNT)
     judge(np.array([0.5, 0.5]), np.array([3.0, 9.0]), weights)
     assert weights[CALM] == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))
@@ -79,7 +79,7 @@ def test_the_likelier_model_gains_and_one_that_is_not_in_question_stays_out():
     assert weights.tolist() == [0.0, 1.0]
 
 
-def test_good_measurements_leave_one_filter():
+def test_precise_measurements_select_the_lively_model():
     ends = [
         run("cosine", 1, 0.01, 0.01, params=BeliefParams(calm_accel=accel))[0].row[belief_row.STATE : belief_row.TIME]
         for accel in (0.3, 1.5)
@@ -87,14 +87,14 @@ def test_good_measurements_leave_one_filter():
     assert np.array_equal(*ends)
 
 
-def test_the_way_it_is_driven_is_told_from_what_is_seen():
+def test_model_probabilities_follow_the_board_s_acceleration():
     def lively(kind):  # the cosine brakes hardest at 5.25 s
         return np.mean([run(kind, k, 0.05, 0.01, seconds=5.3)[0].row[belief_row.WEIGHTS + LIVELY] for k in range(6)])
 
     assert lively("cosine") > 1.2 * lively("ou")
 
 
-def test_a_calm_board_is_known_better_where_measurements_are_noisy():
+def test_calm_board_has_smaller_speed_error_under_noise():
     def speed_error(params):
         ends = [run("ou", k, 0.1, 0.1, params=params) for k in range(30)]
         return float(np.sqrt(np.mean([(f.row[4] - truth[4]) ** 2 for f, *_, truth, _ in ends])))

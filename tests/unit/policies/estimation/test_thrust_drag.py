@@ -37,18 +37,18 @@ def fly_and_estimate(gain, noise=0.0, seconds=1.5, drag=1.0, speed=0.0):
 
 
 @pytest.mark.parametrize("gain", [0.85, 0.95, 1.0, 1.15])
-def test_the_gain_is_known_within_a_few_tenths_of_a_second(gain):
+def test_thrust_gain_converges_within_a_few_tenths_of_a_second(gain):
     estimates, _ = fly_and_estimate(gain)
     assert abs(estimates[40:] - gain).max() < 0.025
     assert abs(estimates[100:] - gain).max() < 0.015
 
 
-def test_odometry_noise_leaves_it_usable():
+def test_thrust_gain_is_usable_with_odometry_noise():
     assert abs(fly_and_estimate(0.9, noise=0.02)[0][60:] - 0.9).max() < 0.05
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.5, 1.0, 2.5])
-def test_the_drag_is_known_after_two_seconds_at_some_speed(factor):
+def test_drag_converges_after_two_seconds_of_motion(factor):
     _, found = fly_and_estimate(0.9, noise=0.02, seconds=3.0, drag=factor, speed=2.5)
     nominal = load_airframe("paper_quad").params_row()
     usual = nominal[airframe_row.DRAG] / nominal[airframe_row.MASS]

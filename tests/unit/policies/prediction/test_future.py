@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.prediction import future as pr
-from policies.prediction import swing_row
+from policies.prediction import oscillation_row
 
 
 def truth(t, speed=2.0, turn=0.5):
@@ -54,13 +54,13 @@ def test_headings_are_interpolated_across_pi():
     assert abs(row[3]) == pytest.approx(math.pi - 0.01, abs=0.01)
 
 
-def test_an_untrusted_fit_changes_nothing_and_a_trusted_one_swings_with_the_bend_kept():
+def test_untrusted_fit_changes_nothing_and_a_trusted_one_keeps_the_curvature():
     state = np.array([0, 0, 1.5, 0.2, 2.0, 0.6, 0.9, 0.7])
-    plain, swung, fit = np.zeros((40, 8)), np.zeros((40, 8)), np.zeros(swing_row.DIM)
+    plain, swung, fit = np.zeros((40, 8)), np.zeros((40, 8)), np.zeros(oscillation_row.DIM)
     pr.predict_future(state, 0.8, 0.05, plain)
-    pr.predict_swing(state, fit, 0.8, 0.05, swung)
+    pr.predict_oscillation(state, fit, 0.8, 0.05, swung)
     assert swung[:, 4] == pytest.approx(plain[:, 4], abs=1e-9)
     fit[:4] = (2 * math.pi / 3.0, 0.75, 0.0, 1.0)  # a maximum now
-    pr.predict_swing(state, fit, 0.8, 0.05, swung)
+    pr.predict_oscillation(state, fit, 0.8, 0.05, swung)
     assert swung[30, 4] == pytest.approx(2.0 - 1.5, abs=1e-6)  # the minimum half a period later
     assert swung[30, 5] / swung[30, 4] == pytest.approx(0.3, abs=1e-6)

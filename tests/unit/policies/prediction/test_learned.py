@@ -39,7 +39,7 @@ def predict(net, history, row, t, age=0.05):
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
-def test_a_turned_and_shifted_drive_is_foretold_turned_and_shifted(angle, dx, dy):
+def test_prediction_is_equivariant_to_rotation_and_translation(angle, dx, dy):
     one, two, net = np.zeros(pd.HISTORY_DIM), np.zeros(pd.HISTORY_DIM), random_net()
     here, _ = predict(net, one, *drive(one, heading=0.0, x=0.0, y=0.0))
     there, _ = predict(net, two, *drive(two, heading=angle, x=dx, y=dy))
@@ -60,7 +60,7 @@ def test_rows_agree_with_their_own_speeds_and_turn_rates():
     np.testing.assert_allclose(np.diff(future[:, 3]) / STEP, 0.5 * (future[1:, 5] + future[:-1, 5]), atol=1e-9)
 
 
-def test_silent_network_on_a_circle_gives_the_circle():
+def test_zero_network_on_a_circle_predicts_the_circle():
     history = np.zeros(pd.HISTORY_DIM)
     row = np.array([0.0, 0.0, 1.5, 0.0, 2.0, 0.8, 0.3, 0.0])
     for k in range(200):
@@ -74,7 +74,7 @@ def test_silent_network_on_a_circle_gives_the_circle():
 
 
 @pytest.mark.parametrize(("ticks", "age"), [(20, 0.05), (300, 1.7)])
-def test_without_history_or_long_blind_the_analytic_rows_are_left_alone(ticks, age):
+def test_analytic_rows_are_kept_without_history_or_after_a_long_gap(ticks, age):
     history = np.zeros(pd.HISTORY_DIM)
     row, t = drive(history, ticks=ticks)
     wanted = np.zeros((HORIZON, 8))
@@ -84,7 +84,7 @@ def test_without_history_or_long_blind_the_analytic_rows_are_left_alone(ticks, a
     np.testing.assert_array_equal(future, wanted)
 
 
-def test_trust_grows_without_a_step():
+def test_trust_is_continuous():
     history, net, last, row = np.zeros(pd.HISTORY_DIM), random_net(), 0.0, np.zeros(8)
     for k in range(150):
         pd.predictor_push(history, 0.01 * k, row, 0.05)

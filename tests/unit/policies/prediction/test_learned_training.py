@@ -15,7 +15,7 @@ def examples():
     return make_examples(60, seed=77)
 
 
-def test_examples_repeat_and_are_whole(examples):
+def test_examples_are_reproducible_and_finite(examples):
     again = make_examples(60, seed=77)
     np.testing.assert_array_equal(examples.inputs, again.inputs)
     np.testing.assert_array_equal(examples.targets, again.targets)
@@ -82,7 +82,7 @@ def test_a_known_speed_is_not_corrected_an_unknown_one_is():
     np.testing.assert_allclose(said[: net_row.KNOTS], 0.4, atol=1e-3)
 
 
-def test_committed_network_errs_less_than_its_base_on_drives_it_never_saw(examples):
+def test_committed_network_beats_the_base_motion_on_held_out_drives(examples):
     network = training.build_network()
     training.start_from(network, pd.load_predictor())
     found = training.errors(network, training.DrivenPath(), examples)
@@ -91,7 +91,7 @@ def test_committed_network_errs_less_than_its_base_on_drives_it_never_saw(exampl
         assert found["learned"][:, k].mean() < 0.85 * found["base"][:, k].mean()
 
 
-def test_mirrored_inputs_are_those_of_the_mirrored_drive():
+def test_mirror_signs_give_the_inputs_of_the_reflected_drive():
     signs, _ = training.mirror_signs()
     rows = []
     for side in (1.0, -1.0):
@@ -105,7 +105,7 @@ def test_mirrored_inputs_are_those_of_the_mirrored_drive():
     np.testing.assert_allclose(rows[1], rows[0] * signs.numpy(), atol=1e-6)
 
 
-def test_a_short_training_lowers_the_error_and_writes_what_flies(tmp_path, capsys):
+def test_short_training_lowers_the_error_and_writes_a_loadable_file(tmp_path, capsys):
     training.train(0.05, 60, 5, tmp_path / "p.npz")
     assert "learned" in capsys.readouterr().out
     assert pd.load_predictor(tmp_path / "p.npz").shape == (net_row.DIM,)

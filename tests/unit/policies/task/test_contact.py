@@ -47,7 +47,7 @@ def touch(board, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elap
     st.floats(0.0, 1.4), st.floats(-3.1, 3.1), st.floats(-3.0, 3.0),
     st.floats(-0.13, 0.13), st.floats(-0.13, 0.13), st.floats(-1.2, -0.2), st.floats(-0.5, 0.5),
 )  # fmt: skip
-def test_an_aligned_touch_is_a_success_and_is_measured_in_the_board_frame(th, psi, speed, x, y, normal, along):
+def test_aligned_contact_is_a_success_measured_in_the_board_frame(th, psi, speed, x, y, normal, along):
     code, seen = touch(board(th, psi, speed), x, y, normal=normal, along=along)
     assert code == c.SUCCESS and seen.within_tolerance and seen.attached and seen.outcome == "success"
     assert (seen.x, seen.y, seen.normal_speed) == pytest.approx((x, y, normal), abs=1e-9)
@@ -57,7 +57,7 @@ def test_an_aligned_touch_is_a_success_and_is_measured_in_the_board_frame(th, ps
     assert seen.height == pytest.approx(-0.002, abs=1e-6)
 
 
-def test_above_the_plane_is_ongoing_and_a_tilted_disc_touches_with_its_edge():
+def test_contact_begins_at_the_lowest_point_of_a_tilted_disc():
     flat = board()
     assert touch(flat, depth=-0.01)[0] == c.ONGOING
     tilt = 0.3
@@ -86,7 +86,7 @@ def test_each_broken_rule_has_its_reason(kwargs, reason, attached):
     assert code == c.FAIL and seen.reason == reason and seen.attached is attached and not seen.within_tolerance
 
 
-def test_a_hard_hit_is_a_success_of_the_paper_but_does_not_stick():
+def test_hard_contact_is_within_tolerance_but_not_attached():
     code, seen = touch(board(0.5), normal=-2.0)
     assert code == c.SUCCESS and seen.within_tolerance and not seen.attached
 
@@ -112,7 +112,7 @@ def test_far_below_the_plane_but_out_of_reach_is_not_contact():
     assert c.view(out).reason == "behind"
 
 
-def test_speeds_account_for_the_turning_board_and_the_turning_drone():
+def test_contact_speed_includes_both_turn_rates():
     board_row = board(speed=1.0, turn_rate=1.0)
     x = 0.1
     p = board_row[:3] + np.array([x, 0.0, DISC.magnet_below - 0.001])

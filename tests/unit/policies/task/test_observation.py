@@ -89,7 +89,7 @@ def test_stride_spaces_the_entries(stride):
     attitude=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.4, 1.4), st.floats(-3.1, 3.1)),
 )
 @settings(max_examples=60)
-def test_blind_to_north_and_origin(turn, shift, attitude):
+def test_observation_is_invariant_to_yaw_and_origin(turn, shift, attitude):
     """Turning and moving the whole world leaves the observation as it is."""
     p, v = np.array([1.0, 2.0, 3.0]), np.array([0.5, -1.0, 0.2])
     q = quaternion(*attitude)
@@ -106,14 +106,14 @@ def test_blind_to_north_and_origin(turn, shift, attitude):
     assert after == pytest.approx(before, abs=2e-5)
 
 
-def test_yaw_survives_a_steep_flare():
+def test_yaw_is_continuous_in_a_steep_flare():
     for pitch in np.linspace(-1.55, 1.55, 21):
         c, s = yaw_axes(quaternion(0.0, pitch, 0.8))
         assert math.atan2(s, c) == pytest.approx(0.8, abs=1e-6)
     assert yaw_axes(quaternion(math.pi / 2, 0.0, 0.0)) == (1.0, 0.0)
 
 
-def test_builder_gives_the_kernel_s_numbers():
+def test_builder_equals_the_kernel():
     rng = np.random.default_rng(1)
     builder, start_ns = ObservationBuilder(stride=3), 987_654_321_000_000_000
     row, out = np.zeros(history_dim(3)), np.zeros(OBS_DIM, dtype=np.float32)
@@ -142,7 +142,7 @@ def test_between_two_steps_the_newest_entry_is_renewed():
     assert times == [[0], [-10, 0], [-16, 0], [-20, -4, 0]]
 
 
-def test_bad_input():
+def test_invalid_input_is_refused():
     builder = ObservationBuilder(stride=1)
     p, q, a = np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros(4)
     with pytest.raises(ValueError, match="push"):
@@ -165,7 +165,7 @@ def test_action_scaling_round_trip(action):
     assert back == pytest.approx(action, abs=1e-9)
 
 
-def test_action_clips():
+def test_action_is_clipped():
     command = np.zeros(4)
     command_from_action(np.array([2.0, -2.0, 0.5, 7.0]), command)
     assert command == pytest.approx([RATE_MAX, -RATE_MAX, 0.5 * RATE_MAX, 14.8])

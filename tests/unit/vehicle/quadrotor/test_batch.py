@@ -1,8 +1,8 @@
 """Many vehicles side by side fly as each would alone, bit for bit."""
 
+import platform
 import re
 
-import platform
 import numba
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def alone(row, order, params):
 
 @pytest.mark.parametrize("count", [1, 7, 8, 21])
 @pytest.mark.parametrize(("violence", "some_saturate"), [(0.05, False), (6.0, True)])
-def test_a_fleet_flies_as_each_vehicle_would_alone(count, violence, some_saturate):
+def test_batch_equals_single_vehicles_bit_for_bit(count, violence, some_saturate):
     rows, params, rng = scattered(count)
     each, saturated = rows.copy(), False
     if not some_saturate:
@@ -67,7 +67,7 @@ def test_a_fleet_flies_as_each_vehicle_would_alone(count, violence, some_saturat
     assert saturated is some_saturate
 
 
-def test_a_rate_that_is_nan_keeps_the_present_rate_and_troubles_no_neighbour():
+def test_nan_rate_keeps_the_present_rate_and_leaves_other_columns_unchanged():
     rows, params, rng = scattered(8)
     orders = orders_for(rng, 8, 1.0)
     calm = rows.copy()
