@@ -134,7 +134,7 @@ def test_files_are_checked(tmp_path):
     np.savez(tmp_path / "nan.npz", version=pd.VERSION, knots=np.array(pd.KNOTS), net=net)
     with pytest.raises(ValueError, match="finite"):
         pd.load_predictor(tmp_path / "nan.npz")
-    with pytest.raises(ValueError, match="gate"):
+    with pytest.raises(ValueError, match="trust"):
         random_net(gate=(0.5, 0.3, 0.1, 0.2, 0.0))
     with pytest.raises(ValueError, match="layers"):
         pd.pack_network([(np.zeros((3, 2)), np.zeros(2))] * 3, (0.3, 0.7, 0.8, 1.6, 0.0))

@@ -1,4 +1,4 @@
-"""Airframe files: what they must say, how errors read, and what randomisation may change."""
+"""Airframe files: published figures, required keys and error messages."""
 
 import numpy as np
 import pytest
@@ -21,6 +21,9 @@ yaw_torque = 0.01
 p = [0.1, 0.1, 0.1]
 i = [0.1, 0.1, 0.1]
 d = [0.0, 0.0, 0.0]
+[contact]
+magnet_below = 0.03
+footprint_radius = 0.1
 """
 
 
@@ -62,6 +65,7 @@ def test_a_file_of_ones_own_is_read_and_named_after_itself(tmp_path):
         (("thrust_to_weight = 2.0", "thrust_to_weight = 0.9"), "motors.thrust_to_weight"),
         (("[0.01, 0.01, 0.02]", "[0.01, 0.01, 0.03]"), "inertia"),
         (("p = [0.1, 0.1, 0.1]", "p = [0.1, 0.1]"), "rate_control.p"),
+        (("magnet_below = 0.03\n", ""), "contact.magnet_below"),
         (('title = "t"', 'title = "t'), "not valid TOML"),
     ],
 )
