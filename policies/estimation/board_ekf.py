@@ -13,7 +13,7 @@ measurement may be late; one older than the newest accepted is refused and count
 innovation test are kept as candidates: `reaccept` of them in a row that agree with each other restart the filter there,
 so that after a loss it cannot refuse the board for good.
 
-One filter is one float64 row ((BELIEF_DIM,)); times are seconds from an origin of the caller's choice.
+One filter is one belief row (policies.estimation.belief_row); times are seconds from an origin of the caller's choice.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def _refused(row, t, z, r, params):
 def belief_update(row, t, z, r, params):
     """Feed one measurement: `t` s its exposure, `z` (5,), `r` (5,) variances. Returns one of the codes above.
 
-    Everything but ACCEPTED and RESTARTED leaves the estimate as it was and is counted in B_REJECTED.
+    Everything but ACCEPTED and RESTARTED leaves the estimate as it was and is counted in REJECTED.
     """
     fine = math.isfinite(t)
     for i in range(measured_row.DIM):

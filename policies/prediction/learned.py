@@ -180,7 +180,7 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
     """Correct `future` ((R, 8), already filled by an analytic prediction) by the network's residuals.
 
     `history` row; `t` s; `x` (8,): the filter's own row now; `sigma`, `speed_sigma`, `age`, `streak`
-    as in an estimate row; `net` (NET_DIM,), `scratch` (SCRATCH_DIM,) float32; `most` 0..1: how far its speeds are
+    as in an estimate row; `net` and `scratch`: a net row and a scratch row; `most` 0..1: how far its speeds are
     trusted if all else is well. Returns (trust 0..1, expected rms error of the speed over the next 0.7 s, m/s); at
     trust 0 `future` is left alone and the error is meaningless.
     """
@@ -246,7 +246,7 @@ def save_predictor(path: Path, net: np.ndarray, note: str) -> None:
 
 
 def load_predictor(path: Path = CHECKPOINT) -> np.ndarray:
-    """The (NET_DIM,) float32 row. Raises FileNotFoundError, or ValueError for a file of another version or corrupt."""
+    """The net row. Raises FileNotFoundError, or ValueError for a file of another version or corrupt."""
     if not path.exists():
         raise FileNotFoundError(
             f"no motion predictor at {path}: train one with python -m policies.prediction.learned_training"

@@ -134,9 +134,9 @@ def _target(truth, tick, x, out):
 def watch(truth, noise, scale, losses, bparams, cam, rng, inputs, contexts, targets, states, histories):
     """Observe one drive (`truth` (T, 8), every DT) with a following camera; returns the number of examples.
 
-    Fills `inputs` (SNAPSHOTS, INPUTS) float32, `contexts` (SNAPSHOTS, CONTEXT), `targets` (SNAPSHOTS, 4 TARGETS),
-    `states` (SNAPSHOTS, 10: the believed row, then time and tick) and, if it has rows, `histories`. `losses`: chance of
-    losing sight in a second.
+    Fills `inputs` (SNAPSHOTS, input_row.DIM) float32, `contexts` (SNAPSHOTS, context_row.DIM), `targets` (SNAPSHOTS,
+    target_row.DIM * TARGETS), `states` (SNAPSHOTS, 10: belief state, time and tick) and, if it has rows, `histories`.
+    `losses`: probability of losing the board in one second.
     """
     belief, history = np.zeros(belief_row.DIM), np.zeros(pd.HISTORY_DIM)
     x, cov = np.zeros(belief_state.PREDICTED_DIM), np.zeros(belief_state.DIM * belief_state.DIM)
@@ -252,7 +252,7 @@ def _drives(rngs, noises, response, damping, top, bparams, cam, inputs, contexts
 
 @dataclass(frozen=True)
 class Examples:
-    """`inputs` (N, INPUTS), `contexts` (N, CONTEXT), `targets` (N, TARGETS, 4), all float32."""
+    """`inputs` (N, input_row.DIM), `contexts` (N, context_row.DIM), `targets` (N, TARGETS, target_row.DIM), float32."""
 
     inputs: np.ndarray
     contexts: np.ndarray

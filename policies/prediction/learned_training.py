@@ -21,29 +21,23 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from policies.prediction import input_row, net_row
+from policies.prediction import context_row, input_row, net_row
 from policies.prediction import learned as pd
 from policies.prediction.future import HORIZON, STEP
 from policies.prediction.learned_data import EVERY, TARGETS, Examples, make_examples
 
 BATCH = 1024
-GATE = (
-    0.3,
-    0.7,
-    0.8,
-    1.6,
-    0.0,
-)  # limits of trust (net_row.SHORT and following), from the validation below
+LIMITS = (0.3, 0.7, 0.8, 1.6, 0.0)  # of trust, as in net_row from LIMITS on; from the validation below
 AHEAD = np.arange(TARGETS) * EVERY * STEP
-_MIRRORED = (1, 5)  # channels of an entry that change sign in a mirror: turn rate, sideways speed
+_MIRRORED = (input_row.TURN_RATE, input_row.ACROSS)  # channels of a tap that change sign in a reflection
 
 
 def mirror_signs() -> tuple[Tensor, Tensor]:
-    """Signs of (inputs, targets) of the mirrored drive."""
+    """Signs of inputs ((net_row.INPUTS,)) and of a target ((target_row.DIM,)) of the reflected drive."""
     inputs = torch.ones(net_row.INPUTS)
     for channel in _MIRRORED:
-        inputs[channel : input_row.TAPS * 6 : 6] = -1.0
-    inputs[input_row.TAPS * 6 + 1] = -1.0
+        inputs[channel : input_row.NOW : input_row.CHANNELS] = -1.0
+    inputs[input_row.NOW + input_row.TURN_RATE] = -1.0
     return inputs, torch.tensor([1.0, -1.0, -1.0, 1.0])
 
 
@@ -65,7 +59,7 @@ def network_row(network: nn.Sequential) -> np.ndarray:
     """The network as the kernels' row."""
     linear = [layer for layer in network if isinstance(layer, nn.Linear)]
     layers = [(m.weight.detach().numpy().T.copy(), m.bias.detach().numpy()) for m in linear]
-    return pd.pack_network(layers, GATE)
+    return pd.pack_network(layers, LIMITS)
 
 
 class DrivenPath(nn.Module):
@@ -128,12 +122,14 @@ def report(found: dict[str, np.ndarray], data: Examples) -> str:
     at = [int(np.argmin(np.abs(AHEAD - t))) for t in (0.45, 0.9, 1.5, 2.1)]
     lines = [f"{name:8} " + " ".join(f"{e[:, at].mean(0)[j]:.3f}" for j in range(4)) for name, e in found.items()]
     ratio = found["learned"][:, at[1]], found["base"][:, at[1]]
-    for column, edges in ((7, (0, 0.2, 0.4, 0.6, 0.8, 1.2, 2, 3, 5.1)), (5, (0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.2, 2))):
+    for name, column, edges in (
+        ("history", context_row.HISTORY, (0, 0.2, 0.4, 0.6, 0.8, 1.2, 2, 3, 5.1)),
+        ("age", context_row.AGE, (0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.2, 2)),
+    ):
         value = data.contexts[:, column]
         for low, high in itertools.pairwise(edges):
             chosen = (value >= low) & (value < high)
             if chosen.sum() > 30:
-                name = "history" if column == 7 else "age"
                 lines.append(
                     f"{name} {low}-{high} s: learned {ratio[0][chosen].mean():.3f} base {ratio[1][chosen].mean():.3f}"
                 )

@@ -126,7 +126,7 @@ def _fit(history, skip, fit):
 
 @njit
 def fit_oscillation(history, tau, fit):
-    """Fit constant + sinusoid to the history; fills `fit` ((FIT_DIM,)).
+    """Fit constant + sinusoid to the history; fills `fit` (policies.prediction.oscillation_row).
 
     Its trust is measured on the past: the same fit made _BACK entries ago must predict the entries since better than an
     acceleration that decays in `tau` s. Trust 0 means: do not use it.

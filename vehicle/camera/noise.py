@@ -103,7 +103,7 @@ def draw_bias(noise, scale, rng, bias):
 
 @njit
 def observe_board(vehicle_p, vehicle_q, vehicle_v, board_p, board_q, board_v, cam, noise, scale, bias, rng, out):
-    """Write a noisy observation of the board into `out` ((OBS_DIM,)): p, q, sigma lateral, depth, rotation.
+    """Write a noisy observation of the board into `out` (a detection row).
 
     `vehicle_p`, `vehicle_v`, `board_p`, `board_v`: (3,) world; `vehicle_q`, `board_q`: (4,) world from body / board;
     `cam`: camera row; `noise`: noise row; `scale` multiplies the random part (the bias was scaled when drawn);
