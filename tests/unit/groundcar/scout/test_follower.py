@@ -14,7 +14,7 @@ from groundcar.scout.params import load_scout
 from kernel.random import stream
 
 MS = 1_000_000
-GAINS, LIMITS = np.array([1.6, 1.6, 2.2, 0.8]), np.array([3.0, 2.5235])
+GAINS = np.array([1.6, 1.6, 2.2, 0.8, 3.0, 2.5235])  # a gains row
 RAMP = load_scout().follower.acceleration
 
 
@@ -148,26 +148,26 @@ def test_speed_law_noise_is_the_stream_s():
 
 
 def test_on_the_reference_it_asks_for_the_feed_forward():
-    speed, turn = follow(row(1.0, 2.0, 0.5, 1.0, 0.3), row(1.1, 2.0, 0.5, 1.2, 0.4), 1.0, 2.0, 0.5, GAINS, LIMITS)
+    speed, turn = follow(row(1.0, 2.0, 0.5, 1.0, 0.3), row(1.1, 2.0, 0.5, 1.2, 0.4), 1.0, 2.0, 0.5, GAINS)
     assert (speed, turn) == pytest.approx((1.2, 0.4))
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0])
 def test_follow_corrects_position_and_heading_errors(speed):
     here = row(speed=speed)
-    assert follow(here, here, -0.1, 0.0, 0.0, GAINS, LIMITS)[0] > speed  # reference ahead
-    assert follow(here, here, 0.1, 0.0, 0.0, GAINS, LIMITS)[0] < speed
-    aside = follow(here, here, 0.0, -0.1, 0.0, GAINS, LIMITS)[1]  # reference to the left
+    assert follow(here, here, -0.1, 0.0, 0.0, GAINS)[0] > speed  # reference ahead
+    assert follow(here, here, 0.1, 0.0, 0.0, GAINS)[0] < speed
+    aside = follow(here, here, 0.0, -0.1, 0.0, GAINS)[1]  # reference to the left
     assert math.copysign(1.0, aside) == math.copysign(1.0, speed)  # backing, one steers the other way
-    assert follow(here, here, 0.0, 0.0, -0.1, GAINS, LIMITS)[1] > 0.0
+    assert follow(here, here, 0.0, 0.0, -0.1, GAINS)[1] > 0.0
 
 
 def test_commands_stay_within_the_car_s_limits():
     far = row(100.0, 100.0, 2.0, 2.9, 1.0)
-    speed, turn = follow(far, far, 0.0, 0.0, 0.0, GAINS, LIMITS)
+    speed, turn = follow(far, far, 0.0, 0.0, 0.0, GAINS)
     assert abs(speed) <= 3.0
     assert abs(turn) == 2.5235
-    assert follow(far, row(speed=0.0), 0.0, 0.0, 0.0, GAINS, LIMITS)[0] == pytest.approx(0.8)
+    assert follow(far, row(speed=0.0), 0.0, 0.0, 0.0, GAINS)[0] == pytest.approx(0.8)
 
 
 def test_an_old_measurement_is_predicted_to_now_but_not_without_bound():
