@@ -13,7 +13,8 @@ import math
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from policies.guidance.approach import approach
-from policies.planner import params as pp
+from policies.planner import params_row as pp
+from vehicle.quadrotor.airframe import GRAVITY
 
 _FROM, _FULL = 0.5, 0.8  # cosine between body z and normal: from where, and where it fully counts
 _CHOICES = 15
@@ -32,10 +33,10 @@ def _cost(height, speed, away, sideways, along, left, wanted, params):
         return math.inf
     into = math.sqrt(root)
     time = 2.0 * height / (speed + into) if speed > 0.0 else (speed - into) / away
-    skid = (along + sideways * time) / params[pp.TOUCH_SKID]
-    hard = (into - wanted) / params[pp.TOUCH_BAND]
-    early = max(0.0, left - time) / params[pp.TOUCH_EARLY]
-    late = max(0.0, time - left) / params[pp.TOUCH_LATE]
+    skid = (along + sideways * time) / params[pp.terminal.skid]
+    hard = (into - wanted) / params[pp.terminal.speed_band]
+    early = max(0.0, left - time) / params[pp.terminal.early]
+    late = max(0.0, time - left) / params[pp.terminal.late]
     return skid * skid + hard * hard + early * early + late * late
 
 
@@ -49,7 +50,9 @@ def touch_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, ga
     surface along its normal: a thrust is judged by where the surface is believed to be, half, and by where else it may
     be. Motors lag: until they have followed, the old thrust goes on acting, which is taken off the speeds at once.
     """
-    height, closing, cosine, _ = approach(p, v, zx, zy, zz, board, params[pp.ROBOT_L], params[pp.ROBOT_R])
+    height, closing, cosine, _ = approach(
+        p, v, zx, zy, zz, board, params[pp.vehicle.contact_below], params[pp.vehicle.contact_radius]
+    )
     share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
     if share <= 0.0:
         return planned
@@ -58,16 +61,16 @@ def touch_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, ga
     ux, uy, uz = nz * c, nz * s, math.sin(board[6])  # up the slope
     wx, wy, wz = v[0] - board[4] * c, v[1] - board[4] * s, v[2]
     along = ux * wx + uy * wy + uz * wz
-    g, drag = params[pp.GRAVITY], params[pp.DRAG]
+    g, drag = GRAVITY, params[pp.vehicle.drag]
     # Relative to the board and without thrust, along normal and slope; body z is taken to arrive on the normal.
     normal = -g * nz - drag * (nx * v[0] + ny * v[1] + nz * v[2]) - acceleration * (nx * c + ny * s)
     slope = -g * uz - drag * (ux * v[0] + uy * v[1] + uz * v[2]) - acceleration * (ux * c + uy * s)
     lean = 0.5 * (ux * zx + uy * zy + uz * zz)
     lift = 0.5 * (1.0 + cosine)
     least, best = math.inf, planned
-    wanted = params[pp.TOUCH_SPEED] + params[pp.TOUCH_STEEP] * math.sin(board[6])
-    low, high = params[pp.THRUST_MIN] * gain, params[pp.THRUST_MAX] * gain
-    lag, spread = params[pp.TOUCH_LAG], params[pp.TOUCH_UNSURE] * sigma
+    wanted = params[pp.terminal.speed] + params[pp.terminal.speed_steep] * math.sin(board[6])
+    low, high = params[pp.vehicle.thrust_min] * gain, params[pp.vehicle.thrust_max] * gain
+    lag, spread = params[pp.terminal.lag], params[pp.terminal.sigmas] * sigma
     for k in range(_CHOICES):
         f = low + (high - low) * k / (_CHOICES - 1)
         away, sideways = f * lift + normal, f * lean + slope
@@ -78,8 +81,8 @@ def touch_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, ga
             for side in (-1.0, 1.0):
                 there = max(_NEAREST, height + side * spread)
                 other = _cost(there, speed, away, sideways, sliding, left, wanted, params)
-                cost += 0.25 * min(params[pp.TOUCH_MISS], other)
-        cost += params[pp.TOUCH_KEEP] * (f - planned) * (f - planned)
+                cost += 0.25 * min(params[pp.terminal.no_contact], other)
+        cost += params[pp.terminal.keep] * (f - planned) * (f - planned)
         if cost < least:
             least, best = cost, f
     return planned + share * (best - planned)

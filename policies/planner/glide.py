@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, keep_in_view
 from policies.planner.tracking import yaw_error
 from policies.task.observation import USUAL_DRAG
@@ -88,8 +88,8 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
         ux, uy, norm = c, s, 1.0
     ux, uy = ux / norm, uy / norm
     away, side = dx * ux + dy * uy, dy * ux - dx * uy
-    height = p[2] - board[2] - params[pp.ROBOT_L]
-    falling = glide_sink(params[pp.DRAG], turn, age)
+    height = p[2] - board[2] - params[pp.vehicle.contact_below]
+    falling = glide_sink(params[pp.vehicle.drag], turn, age)
     closing, sink, wanted, left = glide_reference(away, falling)
     brake = _BRAKE if left > 0.0 and closing < _FASTEST else 0.0
     if away > _NEAR:

@@ -13,9 +13,10 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, face, keep_in_view
 from policies.prediction.speed_history import history_range
+from vehicle.quadrotor.airframe import GRAVITY
 
 _LOOK_DOWN = math.radians(33.7)  # below the horizon the camera still sees the board where the run-up begins
 _CRAWL, _STRIDE = 0.5, 1.75  # m/s: a slow board, and one that is not
@@ -26,16 +27,16 @@ _STEADY = 0.3  # m/s, a range of speeds that makes no moment better than another
 def runs_up(board, params):
     """True for a board so steep for its speed that it takes a run-up: a slow one can be met from any side."""
     slow = min(1.0, max(0.0, 1.0 - (abs(board[4]) - _CRAWL) / (_STRIDE - _CRAWL)))
-    return board[6] >= params[pp.RUN_INCLINATION] + params[pp.RUN_SLOW] * slow
+    return board[6] >= params[pp.run_up.inclination] + params[pp.run_up.inclination_slow] * slow
 
 
 @njit
 def flare_gate(inclination, params):
     """Where and how fast the flare begins, relative to the board: (x m, z m, vx m/s, vz m/s, its duration s)."""
-    f, w, g, into = params[pp.RUN_THRUST], params[pp.RUN_RATE], params[pp.GRAVITY], params[pp.IMPACT_SPEED]
+    f, w, g, into = params[pp.run_up.thrust], params[pp.run_up.rate], GRAVITY, params[pp.contact.speed]
     s, c = math.sin(inclination), math.cos(inclination)
     t = inclination / w
-    vx1, vz1, offset = into * s, -into * c, params[pp.ROBOT_L]
+    vx1, vz1, offset = into * s, -into * c, params[pp.vehicle.contact_below]
     vx = vx1 + f / w * (1.0 - c)
     vz = vz1 - f / w * s + g * t
     x = -offset * s - vx1 * t - f / w * (s / w - t * c)
@@ -46,7 +47,7 @@ def flare_gate(inclination, params):
 @njit
 def runup_time(inclination, params):
     """Seconds from the standoff to the gate."""
-    return params[pp.RUN_COAST] + flare_gate(inclination, params)[2] / params[pp.RUN_ACCEL]
+    return params[pp.run_up.coast] + flare_gate(inclination, params)[2] / params[pp.run_up.acceleration]
 
 
 @njit
@@ -58,9 +59,9 @@ def _rise(inclination, params):
     """
     x, z, vx, vz, _ = flare_gate(inclination, params)
     time = runup_time(inclination, params)
-    away = vx * time - 0.5 * vx * vx / params[pp.RUN_ACCEL] - x
+    away = vx * time - 0.5 * vx * vx / params[pp.run_up.acceleration] - x
     seen = 2.0 * (away * math.tan(_LOOK_DOWN) - z + vz * time) / (time * time)
-    return min(params[pp.RUN_RISE], max(0.0, seen))
+    return min(params[pp.run_up.rise], max(0.0, seen))
 
 
 @njit
@@ -86,10 +87,10 @@ def runup_reference(left, inclination, params):
     az, ax = _rise(inclination, params), 0.0
     z, vz = z - vz * left + 0.5 * az * left * left, vz - az * left
     x -= vx * left
-    if left > params[pp.RUN_COAST]:
-        ax = params[pp.RUN_ACCEL]
-        since = min(left - params[pp.RUN_COAST], vx / ax)
-        x += 0.5 * ax * since * since + vx * (left - params[pp.RUN_COAST] - since)
+    if left > params[pp.run_up.coast]:
+        ax = params[pp.run_up.acceleration]
+        since = min(left - params[pp.run_up.coast], vx / ax)
+        x += 0.5 * ax * since * since + vx * (left - params[pp.run_up.coast] - since)
         vx -= ax * since
     return x, z, vx, vz, ax, az
 
@@ -109,16 +110,16 @@ def fly_runup(left, resting, p, v, q, board, acceleration, gain, params, out):
     wx, wy = (speed + ux) * c - turn * x * s, (speed + ux) * s + turn * x * c
     ex, ey, ez = board[0] + x * c - p[0], board[1] + x * s - p[1], board[2] + z - p[2]
     dx, dy, dz = wx - v[0], wy - v[1], uz - v[2]
-    kp, kv = params[pp.RUN_KP], params[pp.RUN_KV]
+    kp, kv = params[pp.run_up.kp], params[pp.run_up.kv]
     error, rate = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(dx * dx + dy * dy + dz * dz)
     pull = kp / kv
     if resting:
-        pull = min(params[pp.RUN_PULL], params[pp.FOLLOW_SPEED] / max(error, 1e-6))
+        pull = min(params[pp.run_up.pull], params[pp.follow.speed] / max(error, 1e-6))
     forward, side = ax + acceleration - turn * turn * x, turn * (speed + 2.0 * ux)
     bx = forward * c - side * s + kv * (dx + pull * ex)
     by = forward * s + side * c + kv * (dy + pull * ey)
     bz = az + kv * (dz + pull * ez)
-    tilt = params[pp.FOLLOW_TILT]
+    tilt = params[pp.follow.tilt]
     if resting:
         bx, by = keep_in_view(bx, by, p, board, params)
     yaw_rate = face(q, p, board, params) + turn

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from policies.baselines.fast_perching import FastPerchingParams, load_search, plan_perch
+from policies.baselines.fast_perching import load_search, plan_perch
+from policies.baselines.fast_perching_params import FastPerchingParams
 from policies.evaluation.contenders import open_contender
 
-LAUNCH = FastPerchingParams(thrust_min=5.0, thrust_max=17.0, gravity=9.8)
+BODY = {"contact_below": 0.02, "contact_radius": 0.13}
+LAUNCH = FastPerchingParams(thrust_min=5.0, thrust_max=17.0, gravity=9.8, **BODY)
+OURS = FastPerchingParams(thrust_min=4.8, thrust_max=14.8, **BODY)
 UPRIGHT = np.array([0.5, 0.0, 2.0, 0.0, 2.0, 0.0, np.pi / 2, 0.0])
 
 
@@ -51,7 +54,7 @@ def test_a_plan_begins_where_it_was_asked_and_ends_on_the_board_in_its_attitude(
     board = np.array([1.0, 0.5, 1.5, 0.3, 1.5, 0.4, np.radians(40.0), 0.0])
     start = rest(-1.0, 0.0, 2.5)
     start[1] = 0.5, 0.1, 0.0
-    plan = plan_perch(start, board, FastPerchingParams())
+    plan = plan_perch(start, board, OURS)
     assert np.allclose(plan.at(0.0)[:2], start[:2], atol=1e-6)
     end, h = plan.at(plan.duration), 0.3 + 0.4 * plan.duration
     normal = np.array([-np.sin(board[6]) * np.cos(h), -np.sin(board[6]) * np.sin(h), np.cos(board[6])])
@@ -63,9 +66,9 @@ def test_a_plan_begins_where_it_was_asked_and_ends_on_the_board_in_its_attitude(
 
 def test_going_on_from_the_last_plan_leads_to_the_same_contact():
     board = np.array([1.0, 0.0, 1.5, 0.0, 1.0, 0.0, np.radians(30.0), 0.0])
-    first = plan_perch(rest(-1.0, 0.2, 2.5), board, FastPerchingParams())
+    first = plan_perch(rest(-1.0, 0.2, 2.5), board, OURS)
     board[0] += 0.1
-    second = plan_perch(first.at(0.1), board, FastPerchingParams(), (first, 0.1))
+    second = plan_perch(first.at(0.1), board, OURS, (first, 0.1))
     assert second.duration == pytest.approx(first.duration - 0.1, abs=0.15)
     assert np.allclose(second.at(0.0), first.at(0.1), atol=1e-6)
 

@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.planner import follow as pf
-from policies.planner import params as pp
-from policies.planner.params import PlannerParams
+from policies.planner.policy import planner_params
 from vehicle.camera.pinhole import Camera, board_row_visibility
 from vehicle.quadrotor.airframe import load_airframe
 from vehicle.quadrotor.dynamics import P, Q, V, vehicle_row
 from vehicle.quadrotor.rate_control import fly
 
-ROW = PlannerParams().row()
+PARAMS = planner_params(load_airframe("paper_quad"))
+ROW = PARAMS.row()
 
 
 def fly_follow(inclination, speed, turn, seconds, start=(-2.0, 1.0, 3.2)):
@@ -39,8 +39,8 @@ def test_it_settles_behind_and_above_the_board_matches_its_motion_and_sees_it(in
     c, s = math.cos(board[3]), math.sin(board[3])
     d = row[P : P + 3] - board[:3]
     behind, aside = -(d[0] * c + d[1] * s), -s * d[0] + c * d[1]
-    up = ROW[pp.ELEVATION_FLAT] + min(1.0, inclination / math.radians(60)) * (
-        ROW[pp.ELEVATION] - ROW[pp.ELEVATION_FLAT]
+    up = PARAMS.follow.elevation_flat + min(1.0, inclination / math.radians(60)) * (
+        PARAMS.follow.elevation - PARAMS.follow.elevation_flat
     )
     assert math.hypot(behind, aside) == pytest.approx(math.hypot(d[0], d[1]))
     assert abs(aside) < 0.35 and d[2] / behind == pytest.approx(math.tan(up), rel=0.15)

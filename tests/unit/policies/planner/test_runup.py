@@ -5,13 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 from policies.planner import runup as ru
-from policies.planner.params import PlannerParams
+from policies.planner.policy import planner_params
 from policies.prediction import speed_history as sh
 from policies.prediction.future import HORIZON, STEP
+from vehicle.quadrotor.airframe import GRAVITY, load_airframe
 
-ROW = PlannerParams().row()[pp.COUNT :]
+PARAMS = planner_params(load_airframe("paper_quad"))
+ROW, VALUES = PARAMS.row()[pp.COUNT :], PARAMS.steep_values()
 
 
 @settings(max_examples=40, deadline=None)
@@ -21,23 +23,23 @@ def test_from_the_gate_the_flare_ends_on_the_board_at_the_impact_speed(inclinati
     steps, pitch = 4000, 0.0
     dt = duration / steps
     for _ in range(steps):
-        pitch += 0.5 * ROW[pp.RUN_RATE] * dt
-        ax = -ROW[pp.RUN_THRUST] * math.sin(pitch)
-        az = ROW[pp.RUN_THRUST] * math.cos(pitch) - ROW[pp.GRAVITY]
+        pitch += 0.5 * VALUES["run_up.rate"] * dt
+        ax = -VALUES["run_up.thrust"] * math.sin(pitch)
+        az = VALUES["run_up.thrust"] * math.cos(pitch) - GRAVITY
         x, z = x + dt * (vx + 0.5 * dt * ax), z + dt * (vz + 0.5 * dt * az)
         vx, vz = vx + dt * ax, vz + dt * az
-        pitch += 0.5 * ROW[pp.RUN_RATE] * dt
+        pitch += 0.5 * VALUES["run_up.rate"] * dt
     n = np.array([-math.sin(inclination), math.cos(inclination)])
     assert pitch == pytest.approx(inclination, abs=1e-6)
-    assert [x, z] == pytest.approx(ROW[pp.ROBOT_L] * n, abs=1e-3)
-    assert [vx, vz] == pytest.approx(-ROW[pp.IMPACT_SPEED] * n, abs=1e-3)
+    assert [x, z] == pytest.approx(VALUES["vehicle.contact_below"] * n, abs=1e-3)
+    assert [vx, vz] == pytest.approx(-VALUES["contact.speed"] * n, abs=1e-3)
 
 
 @pytest.mark.parametrize("degrees", [62.0, 65.0, 70.0, 75.0, 80.0])
 def test_from_where_it_begins_the_camera_sees_the_board(degrees):
     inclination = math.radians(degrees)
     x, z, *_ = ru.runup_reference(ru.runup_time(inclination, ROW), inclination, ROW)
-    lowest = ROW[pp.CAMERA_TILT] + ROW[pp.CAMERA_HALF_FOV]  # held level there
+    lowest = VALUES["vehicle.camera_tilt"] + VALUES["search.half_view"]  # held level there
     assert 0.5 * lowest < math.atan2(z, -x) < lowest - math.radians(5.0)
 
 
@@ -68,19 +70,18 @@ def test_at_its_starting_point_with_the_board_s_speed_it_only_holds():
     q = np.array([math.cos(0.25), 0.0, 0.0, math.sin(0.25)])
     error, rate = ru.fly_runup(left, True, p, v, q, board, 0.0, 1.0, ROW, out)
     assert (error, rate) == pytest.approx((0.0, 0.0), abs=1e-9)
-    assert (
-        out[3] == pytest.approx(ROW[pp.GRAVITY], abs=0.05) and abs(out[0]) < 1e-9 and out[1] > 0
-    )  # leans into the drag
+    assert out[3] == pytest.approx(GRAVITY, abs=0.05) and abs(out[0]) < 1e-9 and out[1] > 0  # leans into the drag
     moving, _ = ru.fly_runup(left - 1.0, False, p, v, q, board, 0.0, 1.0, ROW, out)
     assert moving > 0.3 and out[1] > 0.5  # behind: nose down
 
 
 @pytest.mark.parametrize(
-    ("behind", "closing"), [(1.0, ROW[pp.RUN_PULL]), (2.0, 2.0 * ROW[pp.RUN_PULL]), (20.0, ROW[pp.FOLLOW_SPEED])]
+    ("behind", "closing"),
+    [(1.0, VALUES["run_up.pull"]), (2.0, 2.0 * VALUES["run_up.pull"]), (20.0, VALUES["follow.speed"])],
 )
 def test_to_its_starting_point_it_flies_at_a_speed_by_the_distance_up_to_a_limit(behind, closing):
-    inclination, drag_free = math.radians(70.0), ROW.copy()
-    drag_free[pp.DRAG] = 0.0
+    inclination = math.radians(70.0)
+    drag_free = PARAMS.changed({"vehicle.drag": 0.0}).row()[pp.COUNT :]
     left = ru.runup_time(inclination, ROW)
     x, z, *_ = ru.runup_reference(left, inclination, ROW)
     board = np.array([0.0, 0.0, 1.5, 0.0, 2.0, 0.0, inclination, 0.0])

@@ -6,10 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernel.rotations import body_z, from_euler, integrate
-from policies.planner.params import PlannerParams
+from policies.planner.policy import planner_params
 from policies.planner.tracking import track_force, yaw_error
+from vehicle.quadrotor.airframe import load_airframe
 
-PARAMS = PlannerParams().row()
+PARAMS = planner_params(load_airframe("paper_quad")).row()
 
 
 @settings(max_examples=40, deadline=None)
