@@ -18,7 +18,7 @@ from policies.baselines.min_snap import BOUNDARY, END, PIECES, basis, min_snap
 
 _MEMORY, _PAST, _DELTA = 32, 3, 1e-4
 _MOST_ITERATIONS = 300
-_CALM, _LONGEST = 1.5, 20.0  # a guess may turn this much faster than allowed, and last no longer than this (s)
+_CALM, _LONGEST = 1.5, 20.0  # a guess' body rate over the limit, at most; its duration at most, s
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def plan_perch(
 
 
 class _Enough:
-    """Ends a search whose cost fell by less than _DELTA of itself over _PAST iterations."""
+    """Ends a search whose cost fell by less than the share _DELTA over _PAST iterations."""
 
     def __init__(self) -> None:
         self._costs: list[float] = []
@@ -82,7 +82,7 @@ class _Enough:
 def load_search():
     """SciPy's minimiser on one thread. Raises ValueError, saying what to install, where there is none.
 
-    Its matrices are 31 rows high: on threads that have to be woken for them a plan takes ten times as long.
+    Its matrices have 31 rows: several threads would make a plan ten times slower.
     """
     try:
         from scipy.optimize import minimize
@@ -100,7 +100,7 @@ def _plan(x: np.ndarray, cost: float, start: np.ndarray, board: np.ndarray, sett
 
 
 def _resample(plan: PerchPlan, flown: float) -> np.ndarray:
-    """The rest of a plan as variables."""
+    """The part of a plan that is left, as variables."""
     x = plan.variables.copy()
     left = max(plan.duration - flown, 0.05)
     x[variables_row.TIME] = fp.piece_variable(left / PIECES)
@@ -111,7 +111,7 @@ def _resample(plan: PerchPlan, flown: float) -> np.ndarray:
 
 
 def _guess(start: np.ndarray, board: np.ndarray, params: FastPerchingParams) -> np.ndarray:
-    """Way points on the one polynomial from here to a contact that comes late enough to turn calmly."""
+    """Way points on one polynomial to contact, with a duration long enough for moderate body rates."""
     duration = max(0.3, float(np.linalg.norm(board[:3] - start[0])) / params.speed_max)
     x, settings = np.zeros(variables_row.DIM), params.row()
     boundary, times = np.zeros((3, BOUNDARY)), np.linspace(0.0, 1.0, 41)

@@ -1,7 +1,7 @@
-"""Fast-Perching flying the training environment's rows, as a contender: replanned at 10 Hz, tracked by our inner loop.
+"""Fast-Perching in the training environment, as a contender: planned at 10 Hz, tracked by the planner's attitude loop.
 
-The published code has no tracking controller (its odometry is the plan itself), so the one under our own planner tracks
-the plan here; contact geometry, drag and lags are the airframe's.
+The published code has no tracking controller (its odometry is the plan itself). Contact disc, drag and lags are the
+airframe's.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from policies.task.observation import action_from_command
 from vehicle.quadrotor.airframe import GRAVITY
 
 _REPLAN, _LAST = 0.1, 0.5  # s: between plans; before contact the plan stays
-_OFF = 0.3  # m beside the plan: the next one starts from where the vehicle is
+_OFF = 0.3  # m beside the plan, above which the next one starts from the vehicle's state
 
 
 @njit
@@ -54,7 +54,7 @@ def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
 
 
 class FastPerching:
-    """The method as an `evaluate.Policy`. `turning`: it foretells the board at its turn rate too, not straight on."""
+    """The method as an `evaluate.Policy`. `turning`: it predicts the board with its turn rate, not straight on."""
 
     def __init__(self, turning: bool = False) -> None:
         """Raises ValueError as `load_search` does."""

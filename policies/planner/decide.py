@@ -9,7 +9,7 @@ from kernel.rotations import body_z
 from policies.estimation.thrust_drag import G_GAIN, G_LAGGED
 from policies.planner import estimate_row, phases, state_row
 from policies.planner import params_row as pp
-from policies.planner.runup import flare_gate, met_slow, runs_up, runup_time
+from policies.planner.runup import flare_start, met_slow, runs_up, runup_time
 from policies.planner.search import MOTION_DIM, search
 from policies.prediction.speed_history import HISTORY_DIM
 from vehicle.quadrotor.airframe import GRAVITY
@@ -22,7 +22,7 @@ _MANY, _FEW = 22, 10  # durations searched to begin a plan and to renew one
 
 @njit
 def planner_due(state, t):
-    """True if this tick will look at the whole future and not only at its first row."""
+    """True if this tick reads the whole future and not only its first row."""
     return t >= state[state_row.NEXT] - 1e-6
 
 
@@ -64,7 +64,7 @@ def _plan(state, t, p, v, q, future, step, shortest, longest, durations, remaini
 
 @njit
 def _slack(state, t, params):
-    """Grows from 1 with the time since the planner engaged."""
+    """Factor on the allowed uncertainty; it grows from 1 with the time since the planner engaged."""
     return 1.0 + max(0.0, t - state[state_row.ENGAGED]) / max(params[pp.commit.relax_after], 1e-3)
 
 
@@ -108,7 +108,7 @@ def decide(state, t, p, v, q, board, estimate, future, step, params):
         phase = phases.FOLLOW
     if phase in (phases.FOLLOW, phases.GLIDE) and estimate[estimate_row.VALID] <= 0.0:
         phase = phases.HOLD
-    # What is known exactly need not be seen.
+    # A board that is known exactly need not be kept in view.
     if phase == phases.FOLLOW and abs(board[6]) < params[pp.glide.inclination] and estimate[estimate_row.SIGMA] > 0.0:
         phase = phases.GLIDE
     if phase == phases.GLIDE and abs(board[6]) > params[pp.glide.inclination] + _WAVER:
@@ -133,10 +133,10 @@ def decide(state, t, p, v, q, board, estimate, future, step, params):
             if left > _NO_RETURN and (not kept or estimate[estimate_row.AGE] > params[pp.commit.lost_age]):
                 phase = phases.FOLLOW
         elif phase == phases.RUN_UP:
-            gate = state[state_row.FLARE] - t
-            if gate < params[pp.run_up.commit]:
-                flare = flare_gate(board[6], params)[4]
-                low, high = max(0.3, gate + flare - 0.1), gate + flare + 0.4
+            ahead = state[state_row.FLARE] - t
+            if ahead < params[pp.run_up.commit]:
+                flare = flare_start(board[6], params)[4]
+                low, high = max(0.3, ahead + flare - 0.1), ahead + flare + 0.4
                 if _plan(state, t, p, v, q, future, step, low, high, _FEW, 0.0, params[pp.run_up.cost], params):
                     phase = phases.COMMIT
         elif phase == phases.FOLLOW and runs_up(board, params):

@@ -1,4 +1,4 @@
-"""Flying without a perch under way: hovering, following the board from where it is seen, climbing away from a miss."""
+"""Flight without a plan: hovering, keeping station where the camera sees the board, climbing away from a miss."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from policies.planner import params_row as pp
 from policies.planner.tracking import track_force, yaw_error
 from vehicle.quadrotor.airframe import GRAVITY
 
-_CLIMB = 3.0  # m/s^2, vertical acceleration that following may ask
-_RESCUE = 6.0  # m/s^2, after a miss: the drone falls off a steep board nose-up
+_CLIMB = 3.0  # m/s^2, largest vertical acceleration while following
+_RESCUE = 6.0  # m/s^2, the same after a miss: the vehicle leaves a steep board nose-up and sinking
 _PITCH_LEAST, _PITCH_MARGIN = math.radians(9.0), math.radians(3.0)
 _STEEP = math.radians(60.0)  # from this inclination on the standoff is that of steep boards
 
@@ -36,7 +36,7 @@ def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params
 
 @njit
 def face(q, p, board, params):
-    """Yaw rate (rad/s) that turns the camera to the board; 0 when too near for a bearing."""
+    """Yaw rate (rad/s) that turns the camera to the board; 0 where the board is too near for a bearing."""
     dx, dy = board[0] - p[0], board[1] - p[1]
     near = math.sqrt(dx * dx + dy * dy) / max(params[pp.follow.yaw_near], 1e-6) - 1.0
     if near <= 0.0:
@@ -56,7 +56,7 @@ def hold(q, v, climb, gain, params, out):
 
 @njit
 def keep_in_view(ax, ay, p, board, params):
-    """A horizontal acceleration (2 floats) whose part along the bearing of the board keeps the board in the picture.
+    """Limit a horizontal acceleration (2 floats) along the bearing of the board, so that the board stays in view.
 
     Accelerating towards the board pitches the camera down, away from it the camera up: each by no more than the board's
     depression leaves room for, and by no less than _PITCH_LEAST.
@@ -84,7 +84,7 @@ def follow(p, v, q, board, extra, gain, params, out):
     c, s = math.cos(board[3]), math.sin(board[3])
     back = away * math.cos(up)
     speed, turn = board[4], board[5]
-    # The standoff is fixed to the board, so it swings out when the board turns.
+    # The standoff is fixed to the board, so it moves sideways when the board turns.
     wx, wy = speed * c + turn * back * s, speed * s - turn * back * c
     ex, ey = board[0] - back * c - p[0], board[1] - back * s - p[1]
     ez = board[2] + away * math.sin(up) - p[2]

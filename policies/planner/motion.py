@@ -1,4 +1,4 @@
-"""Tracking the planned motion to the board, up to the last quarter second, in which thrust alone answers."""
+"""Tracking the planned motion to the board; in the last moment thrust alone is corrected."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from policies.guidance.alignment import touch_rates
 from policies.guidance.flare import late_flare
 from policies.planner import params_row as pp
 from policies.planner import polynomial as poly
-from policies.planner.contact_thrust import touch_thrust
+from policies.planner.contact_thrust import contact_thrust
 from policies.planner.follow import face
 from policies.planner.tracking import track_force
 from vehicle.quadrotor.airframe import GRAVITY
 
-WAIT = 0.01  # s from a command to the motors hearing it
+WAIT = 0.01  # s from a command to its effect on the motors
 _C = poly.COEFFICIENTS
 
 
@@ -23,7 +23,7 @@ def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, giv
 
     `m` (MOTION_DIM,): the motion, begun `since` s ago; it ends at contact after `duration` s, in `left` s. `p`, `v`
     (3,) world, `q` (4,) world from body; `board` (8,) the board now, `acceleration` m/s^2 its own along its heading;
-    `gain` achieved over asked thrust, `given` m/s^2 the thrust that the motors give now; `before` (2,) rates asked
+    `gain` achieved over commanded thrust, `given` m/s^2 the thrust of the motors now; `before` (2,) rates commanded
     last, rad/s; `sigma` m of the board's surface along its normal.
     """
     now = min(duration, since)
@@ -43,7 +43,7 @@ def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, giv
     gz = poly.acceleration(m, 2 * _C, ahead) + bz
     moving = 1.0 if since + params[pp.tracking.rate_ahead] < duration else 0.0
     jx, jy, jz = moving * poly.jerk(m, 0, ahead), moving * poly.jerk(m, _C, ahead), moving * poly.jerk(m, 2 * _C, ahead)
-    # Thrust does not turn the vehicle, so its feedback stays to the end; overdue, it presses on at the impact speed.
+    # Thrust does not turn the vehicle, so its feedback stays to the end; overdue, it goes on at the contact speed.
     late = max(0.0, -left)
     kp, kv = params[pp.tracking.kp], params[pp.tracking.kv]
     v1x, v1y, v1z = poly.velocity(m, 0, now), poly.velocity(m, _C, now), poly.velocity(m, 2 * _C, now)
@@ -57,7 +57,7 @@ def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, giv
     thrust = sx * zx + sy * zy + sz * zz
     yaw_rate = face(q, p, board, params) if left > 0.5 else 0.0
     if left < params[pp.terminal.start]:
-        thrust = touch_thrust(p, v, zx, zy, zz, board, acceleration, left, thrust, given, gain, sigma, params)
+        thrust = contact_thrust(p, v, zx, zy, zz, board, acceleration, left, thrust, given, gain, sigma, params)
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
     below, radius = params[pp.vehicle.contact_below], params[pp.vehicle.contact_radius]
     lean, limit = params[pp.terminal.lean], params[pp.vehicle.rate_max]

@@ -46,7 +46,7 @@ def planner_reset(state, t):
 
 @njit
 def _fly_glide(state, t, p, v, q, board, estimate, params, out):
-    """Fly the way down in sight; a miss is climbed away from."""
+    """Fly the glide; after a miss begin to climb away."""
     gain, before = state[state_row.GAIN + G_GAIN], state[state_row.ASKED : state_row.ASKED + 2]
     age, sigma = estimate[estimate_row.AGE], estimate[estimate_row.SURFACE]
     if glide(p, v, q, board, state[state_row.ACCELERATION], age, gain, params, out):
@@ -117,8 +117,8 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
 def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, out):
     """`planner_step` on an estimate of the board now: remembers its speed and, when due, predicts `future` ((K, 8)).
 
-    `x` (8,): board row whose last entry is the acceleration (m/s^2), which decays in
-    `predict_tau` s; corrected in place for what the board did since the last exposure.
+    `x` (8,): board row whose last entry is the acceleration (m/s^2), which decays by
+    `Prediction.acceleration_tau`; corrected in place for what the board did since the last exposure.
     """
     if runs_up(x, params):
         params = params[pp.COUNT :]

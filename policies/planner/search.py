@@ -1,6 +1,6 @@
 """The search for a perch: durations times terminal thrusts, each one closed-form motion, judged on samples.
 
-A motion ends at (board + offset along its normal, v_board - impact_speed n, f z - g): on the board, at the impact
+A motion ends at (board + offset along its normal, v_board - impact_speed n, f z - g): on the board, at the contact
 speed, with the body's z axis where thrust f points, which is the normal n but for a small lean up the slope.
 """
 
@@ -17,9 +17,9 @@ from vehicle.quadrotor.airframe import GRAVITY
 
 SAMPLES = 14
 THRUSTS = 5
-_REACH = 0.6  # m, clearance over the board's plane is asked only this near to the board
-_GROUND = 0.35  # m
-_STEADY = 0.5  # m/s^2, accelerations foretold for a board that keeps its speed
+_REACH = 0.6  # m, clearance over the board's plane is demanded only this near to the board
+_GROUND = 0.35  # m, least height over the ground
+_STEADY = 0.5  # m/s^2, predicted acceleration of a board of constant speed at most
 _C = poly.COEFFICIENTS
 MOTION_DIM = 3 * _C
 
@@ -28,8 +28,8 @@ MOTION_DIM = 3 * _C
 def _drift(start, board, vx, vy, ax, ay, duration, params):
     """How far beside the board's centre (m, to its left) a perch in `duration` s may end.
 
-    Late corrections across the board tilt the drone when it has to turn up, and the board is wide: the nearer contact
-    is, the more the motion ends where the drone drifts to anyway, by up to MISS. `vx`..`ay`: the motion's end.
+    Late corrections across the board tilt the vehicle when it has to turn up, and the board is wide: the nearer contact
+    is, the more the motion ends where the vehicle drifts anyway, by up to `Contact.miss`. `vx`..`ay`: the motion's end.
     """
     free = min(1.0, max(0.0, 2.0 - 2.0 * duration / max(params[pp.contact.aim], 1e-6)))
     if free <= 0.0:
@@ -116,11 +116,11 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
             short = max(0.0, _GROUND - z)
             cost += params[pp.weights.clearance] * short * short * dt
             if left > params[pp.search.blind]:
-                # Angle of the board below the body's x-y plane: the drone is taken to face the board.
+                # Angle of the board below the body's x-y plane, if the vehicle faces the board.
                 below = math.asin(min(1.0, max(-1.0, (dx * zx + dy * zy + dz * zz) / max(distance, 1e-6))))
                 out = max(0.0, abs(below - params[pp.vehicle.camera_tilt]) - params[pp.search.half_view])
                 facing = max(0.0, 0.2 - height / max(distance, 1e-6))
-                # A gap in the view costs with its square: what the board did meanwhile has to be made up for at once.
+                # A gap in the view costs with its square: the board's motion meanwhile has to be corrected at once.
                 unseen = min(1.0, 10.0 * out + 10.0 * facing)
                 gap = unseen * (gap + dt)
                 cost += 2.0 * params[pp.weights.visibility] * gap * dt
@@ -135,8 +135,8 @@ def search(
 ):
     """The cheapest perch from `start` with a duration in [shortest, longest] s; fills `best` ((MOTION_DIM,)).
 
-    `offset` s: of the motion's start from `future`'s first row; `gain`: achieved over asked thrust; `remaining`: what
-    is left of the plan under way (0: none), whose postponement costs. `scratch` (MOTION_DIM,), `target` and
+    `offset` s: of the motion's start from `future`'s first row; `gain`: achieved over commanded thrust;
+    `remaining` s of the plan under way (0: none), whose postponement costs. `scratch` (MOTION_DIM,), `target` and
     `board` (8,) are overwritten.
     Returns (cost, duration, terminal thrust); cost is infinite if nothing finite was found.
     """

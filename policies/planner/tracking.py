@@ -15,7 +15,7 @@ def track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, p
 
     `q` (4,) world from body; `f` wanted specific force now (world, m/s^2, gravity added); `g`, `j` the specific force
     and its derivative one rate lag ahead: they feed the rate forward; `yaw_rate` about body z; `thrust` wanted m/s^2;
-    `gain` achieved over asked thrust. Rates and thrust are clipped to the limits.
+    `gain` achieved over commanded thrust. Rates and thrust are clipped to the limits.
     """
     zx, zy, zz = body_z(q)
     norm = max(1e-6, math.sqrt(fx * fx + fy * fy + fz * fz))
@@ -39,7 +39,7 @@ def track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, p
 def yaw_error(q, dx, dy):
     """Angle (rad, (-pi, pi]) about the vertical from where the body faces to the direction (dx, dy).
 
-    The facing is taken from the body's y axis, which stays near the horizontal while the drone flares.
+    The facing is taken from the body's y axis, which stays near the horizontal during the flare.
     """
     yx, yy = 2.0 * (q[1] * q[2] - q[0] * q[3]), 1.0 - 2.0 * (q[1] * q[1] + q[3] * q[3])
     cx, cy = yy, -yx

@@ -13,7 +13,7 @@ from policies.teachers.params import AT
 from vehicle.quadrotor.airframe import GRAVITY
 
 _SAMPLES = 12
-_REACH = 0.6  # m, clearance over the board's plane is asked only this near to the board
+_REACH = 0.6  # m, clearance over the board's plane is demanded only this near to the board
 _GROUND = 0.35  # m
 _HALF_VIEW = math.radians(22.0)  # half of the vertical field of view in which the board shall be
 
@@ -75,7 +75,7 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, p
                 short = max(0.0, edge + 0.05 * min(1.0, left / 0.3) - height)
                 cost += e[AT.w_clearance] * short * short * dt
             if e[AT.w_view] > 0.0 and left > e[AT.blind]:
-                # Angle of the board below the body's x-y plane: the drone is taken to face the board.
+                # Angle of the board below the body's x-y plane, if the vehicle faces the board.
                 depression = math.asin(min(1.0, max(-1.0, (dx * zx + dy * zy + dz * zz) / max(distance, 1e-6))))
                 out = max(0.0, abs(depression - planner[pp.vehicle.camera_tilt]) - _HALF_VIEW) + max(
                     0.0, 0.2 - height / max(distance, 1e-6)

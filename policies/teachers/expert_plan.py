@@ -51,10 +51,10 @@ def _fit_move(row, future, step, contact, e):
 
 @njit
 def _fit_end(row, future, step, contact, e):
-    """From where the drone is straight to the board in `contact` s: into TRY1.
+    """From the present state straight to the board in `contact` s: into TRY1.
 
-    Late corrections across the normal would tilt the drone, and the board is large: the nearer contact is, the more the
-    plan ends where the drone drifts to anyway (end position free), up to a bound.
+    Late corrections across the normal would tilt the vehicle, and the board is large: the nearer contact is, the more
+    the plan ends where the vehicle drifts anyway (free end position), up to `miss`.
     """
     board_row, start = row[expert_row.BOARD : expert_row.BOARD + 8], row[expert_row.START : expert_row.START + 9]
     board_at(future, step, contact, board_row)

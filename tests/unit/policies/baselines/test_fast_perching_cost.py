@@ -23,7 +23,7 @@ def cost(x, start, board):
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.floats(-1.0, 1.0), st.floats(0.0, 1.4))
-def test_the_gradient_is_that_of_the_cost(seed, turn_rate, inclination):
+def test_gradient_agrees_with_differences_of_the_cost(seed, turn_rate, inclination):
     rng = np.random.default_rng(seed)
     board = np.array([1.0, 0.5, 1.5, 0.3, 2.0, turn_rate, inclination, 0.0])
     start = rng.normal(size=(4, 3)) + np.array([0.0, 0.0, 1.5]) * (np.arange(4) == 0)[:, None]
@@ -40,14 +40,14 @@ def test_the_gradient_is_that_of_the_cost(seed, turn_rate, inclination):
 
 
 @given(st.floats(-20.0, 20.0))
-def test_seconds_of_a_piece_are_positive_and_invert(t):
+def test_seconds_of_a_piece_are_positive_and_invertible(t):
     seconds, slope = fp.piece_seconds(t)
     assert seconds > 0.0
     assert slope > 0.0
     assert fp.piece_variable(seconds) == pytest.approx(t, abs=1e-9)
 
 
-def test_hovering_far_from_the_board_costs_nothing_and_speeding_does():
+def test_speed_above_the_limit_costs_and_hover_does_not():
     now = np.zeros(carried_row.DIM)
     now[:3], now[carried_row.NORMAL + 2] = (5.0, 0.0, 1.5), 1.0
     hover = np.zeros((4, 3))
@@ -59,7 +59,7 @@ def test_hovering_far_from_the_board_costs_nothing_and_speeding_does():
     assert gradient[1, 0] > 0.0
 
 
-def test_a_body_that_leans_into_the_board_is_inside_it_where_an_upright_one_is_not():
+def test_leaning_body_collides_with_the_board_where_an_upright_one_does_not():
     now = np.zeros(carried_row.DIM)
     now[carried_row.NORMAL + 2] = 1.0
     upright = np.zeros((4, 3))
@@ -72,7 +72,7 @@ def test_a_body_that_leans_into_the_board_is_inside_it_where_an_upright_one_is_n
 
 
 @given(st.floats(-1.5, 1.5), st.floats(0.0, 3.0))
-def test_the_board_is_carried_on_its_circle(turn_rate, t):
+def test_board_is_predicted_on_its_circle(turn_rate, t):
     board, out, later = (
         np.array([1.0, 2.0, 1.5, 0.4, 1.8, turn_rate, 0.7, 0.0]),
         np.zeros(carried_row.DIM),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from policies.planner.contact_thrust import touch_thrust
+from policies.planner.contact_thrust import contact_thrust
 from policies.planner.policy import planner_params
 from policies.planner.search import board_normal
 from vehicle.quadrotor.airframe import GRAVITY, load_airframe
@@ -34,7 +34,7 @@ def land(
     edge = VEHICLE.contact_below * math.cos(lean) + VEHICLE.contact_radius * abs(math.sin(lean))
     for _ in range(400):
         p = board_row[:3] + (h - off + edge) * n
-        f = touch_thrust(p, v, *z, board_row, acceleration, left - t, planned, planned, 1.0, sigma, ROW)
+        f = contact_thrust(p, v, *z, board_row, acceleration, left - t, planned, planned, 1.0, sigma, ROW)
         assert VEHICLE.thrust_min - 1e-9 <= f <= VEHICLE.thrust_max + 1e-9
         v = v + dt * (f * z - np.array([0.0, 0.0, GRAVITY]))
         board_row[4] += acceleration * dt
@@ -84,10 +84,10 @@ def test_thrust_stays_within_its_limits(inclination, height, closing, along, lef
     n = np.array(board_normal(board_row))
     u = np.array([math.cos(inclination), 0.0, math.sin(inclination)])
     p = board_row[:3] + (height + VEHICLE.contact_below) * n
-    f = touch_thrust(p, along * u - closing * n, *n, board_row, 0.0, left, 9.0, 9.0, 1.0, sigma, ROW)
+    f = contact_thrust(p, along * u - closing * n, *n, board_row, 0.0, left, 9.0, 9.0, 1.0, sigma, ROW)
     assert VEHICLE.thrust_min <= f <= VEHICLE.thrust_max
 
 
 def test_planned_thrust_is_kept_while_body_z_is_far_from_the_normal():
     p, v, board_row = np.array([-1.0, 0.0, 1.6]), np.zeros(3), board(1.2)
-    assert touch_thrust(p, v, 0.0, 0.0, 1.0, board_row, 0.0, 0.2, 9.3, 9.3, 1.0, 0.02, ROW) == 9.3
+    assert contact_thrust(p, v, 0.0, 0.0, 1.0, board_row, 0.0, 0.2, 9.3, 9.3, 1.0, 0.02, ROW) == 9.3

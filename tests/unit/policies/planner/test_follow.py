@@ -34,7 +34,7 @@ def fly_follow(inclination, speed, turn, seconds, start=(-2.0, 1.0, 3.2)):
 @pytest.mark.parametrize(
     ("inclination", "speed", "turn"), [(0.0, 0.0, 0.0), (0.5, 1.5, 0.0), (0.7, 2.0, 0.3), (0.2, -1.0, 0.0)]
 )
-def test_it_settles_behind_and_above_the_board_matches_its_motion_and_sees_it(inclination, speed, turn):
+def test_follow_settles_behind_and_above_the_board_and_keeps_it_in_view(inclination, speed, turn):
     row, board, seen = fly_follow(inclination, speed, turn, 7.0)
     c, s = math.cos(board[3]), math.sin(board[3])
     d = row[P : P + 3] - board[:3]
@@ -51,7 +51,7 @@ def test_it_settles_behind_and_above_the_board_matches_its_motion_and_sees_it(in
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(-9, 9), st.floats(-9, 9), st.floats(0.8, 5.0), st.floats(-0.5, 2.0), st.floats(-3.0, 3.0))
-def test_keeping_in_view_limits_only_what_points_at_the_board(ax, ay, away, above, bearing):
+def test_keep_in_view_limits_only_acceleration_along_the_bearing(ax, ay, away, above, bearing):
     board = np.array([away * math.cos(bearing), away * math.sin(bearing), 1.5, 0, 0, 0, 0, 0.0])
     p = np.array([0.0, 0.0, 1.5 + above])
     bx, by = pf.keep_in_view(ax, ay, p, board, ROW)
@@ -62,7 +62,7 @@ def test_keeping_in_view_limits_only_what_points_at_the_board(ax, ay, away, abov
     assert abs(after) >= min(abs(before), 9.8 * math.tan(math.radians(8.9))) - 1e-9
 
 
-def test_hold_comes_to_rest_and_a_miss_is_left_upward():
+def test_hold_comes_to_rest_and_climb_away_leaves_upward_and_backward():
     airframe = load_airframe("paper_quad")
     params, out = airframe.params_row(), np.zeros(4)
     row = vehicle_row((0, 0, 3), motor=airframe.hover_thrust)

@@ -78,7 +78,7 @@ def test_postponing_contact_costs_and_the_impossible_is_expensive():
     assert rushed > 20.0
 
 
-def test_motions_that_lose_sight_of_the_board_cost_more():
+def test_motion_that_loses_the_board_from_view_costs_more():
     future, start = scene(0.0, 2.0, 0.0, behind=2.5, above=0.1)
     blind = PARAMS.changed({"weights.visibility": 0.0}).row()
     (with_view, _, _), _ = find(future, start)
