@@ -15,6 +15,7 @@ from policies.baselines import carried_row, variables_row
 from policies.baselines import fast_perching_cost as fp
 from policies.baselines.fast_perching_params import FastPerchingParams
 from policies.baselines.min_snap import BOUNDARY, END, PIECES, basis, min_snap
+from policies.baselines.smoothing import piece_variable
 
 _MEMORY, _PAST, _DELTA = 32, 3, 1e-4
 _MOST_ITERATIONS = 300
@@ -103,7 +104,7 @@ def _resample(plan: PerchPlan, flown: float) -> np.ndarray:
     """The part of a plan that is left, as variables."""
     x = plan.variables.copy()
     left = max(plan.duration - flown, 0.05)
-    x[variables_row.TIME] = fp.piece_variable(left / PIECES)
+    x[variables_row.TIME] = piece_variable(left / PIECES)
     for k in range(1, PIECES):
         at = variables_row.WAYPOINTS + 3 * (k - 1)
         x[at : at + 3] = plan.at(flown + left * k / PIECES)[0]
@@ -116,7 +117,7 @@ def _guess(start: np.ndarray, board: np.ndarray, params: FastPerchingParams) -> 
     x, settings = np.zeros(variables_row.DIM), params.row()
     boundary, times = np.zeros((3, BOUNDARY)), np.linspace(0.0, 1.0, 41)
     while True:
-        x[variables_row.TIME] = fp.piece_variable(duration / PIECES)
+        x[variables_row.TIME] = piece_variable(duration / PIECES)
         h = fp.fill_boundary(x, start, board, settings, boundary, np.zeros(carried_row.DIM))
         ends = boundary[:, [0, 1, 2, 3, END, END + 1, END + 2, END + 3]]
         ends = ends * np.tile((duration / h) ** np.arange(4), 2)

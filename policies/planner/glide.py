@@ -105,11 +105,11 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
     rx, ry = v[0] - speed * c, v[1] - speed * s
     nearing, drift = rx * ux + ry * uy, ry * ux - rx * uy
     # The reference is fixed to the board, so it moves sideways when the board turns.
-    swing = behind * turn
+    carried = behind * turn
     most = _SIDEWAYS * (_MARGIN + abs(away))
     stiff = _KP_SIDE * (1.0 + _MORE * min(1.0, max(0.0, 1.0 - height / _LAST)))
-    forward = _KV * (closing - nearing) - brake + swing * turn * away
-    sideways = _KV * (min(most, max(-most, stiff * side)) - swing * away - drift) + 2.0 * swing * nearing
+    forward = _KV * (closing - nearing) - brake + carried * turn * away
+    sideways = _KV * (min(most, max(-most, stiff * side)) - carried * away - drift) + 2.0 * carried * nearing
     ax, ay = forward * ux - sideways * uy + bx, forward * uy + sideways * ux + by
     fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
     if height < _LOW:

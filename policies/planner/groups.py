@@ -108,7 +108,7 @@ class Commit:
     speed_sigma: float = 0.31  # m/s, one-sigma of the believed speed that is allowed
     age: float = 0.097  # s, age of the newest exposure that is allowed
     streak: float = 8.0  # accepted detections in a row that are demanded
-    surprise: float = 0.07  # m/s, rms error in foretelling the newest speeds that is allowed
+    surprise: float = 0.07  # m/s, allowed rms error of the prediction of the newest speeds
     relax_after: float = 3.3  # s, in which what is allowed grows by its own size
     relax_surprise: float = 1.0  # share of that growth which counts for `surprise`
     lost_age: float = 0.94  # s without an exposure after which a plan is given up

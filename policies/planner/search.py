@@ -36,9 +36,9 @@ def _drift(start, board, vx, vy, ax, ay, duration, params):
         return 0.0
     ch, sh = math.cos(board[3]), math.sin(board[3])
     mean_x, mean_y = 0.5 * duration * (start[3] + vx), 0.5 * duration * (start[4] + vy)
-    swing = duration * duration / 12.0
-    dx = start[0] + mean_x + swing * (start[6] - ax) - board[0]
-    dy = start[1] + mean_y + swing * (start[7] - ay) - board[1]
+    bend = duration * duration / 12.0
+    dx = start[0] + mean_x + bend * (start[6] - ax) - board[0]
+    dy = start[1] + mean_y + bend * (start[7] - ay) - board[1]
     return free * min(params[pp.contact.miss], max(-params[pp.contact.miss], dy * ch - dx * sh))
 
 

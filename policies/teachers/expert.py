@@ -66,7 +66,7 @@ def expert_step(rows, i, row, board, future, step, gain, e, planner, out):
     """The expert's CTBR for episode i into `out` (4,): body rate rad/s, thrust m/s^2.
 
     `row` expert row; `board` (8,) the true board now, `future` (K, 8) the same `step` s apart from now, read when
-    `expert_due`; `gain` achieved over asked thrust; `e` row of ExpertParams; `planner` row of PlannerParams for the
+    `expert_due`; `gain` achieved over commanded thrust; `e` row of ExpertParams; `planner` row of PlannerParams for the
     vehicle and the gains of the attitude loop.
     """
     vehicle, params, state = rows.vehicle[i], rows.params[i], rows.state[i]

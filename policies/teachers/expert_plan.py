@@ -68,8 +68,8 @@ def _fit_end(row, future, step, contact, e):
         board = board_row[4] * ch if k == 0 else (board_row[4] * sh if k == 1 else 0.0)
         end[k] = board - e[AT.impact] * n[k]
         end[3 + k] = thrust * n[k] - (GRAVITY if k == 2 else 0.0)
-        mean, swing = 0.5 * (start[3 + k] + end[k]), (start[6 + k] - end[3 + k]) / 12.0
-        natural[k] = start[k] + contact * mean + contact * contact * swing - board_row[k]
+        mean, bend = 0.5 * (start[3 + k] + end[k]), (start[6 + k] - end[3 + k]) / 12.0
+        natural[k] = start[k] + contact * mean + contact * contact * bend - board_row[k]
         along += natural[k] * n[k]
     miss = 0.0
     for k in range(3):

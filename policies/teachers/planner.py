@@ -28,7 +28,7 @@ from policies.prediction.learned import SCRATCH_DIM, load_predictor
 from policies.task.observation import action_from_command
 
 _LAG = 5  # control steps over which the true board's acceleration is taken
-ANALYTIC, LEARNED = 0, 1  # which predictor foretells the board
+ANALYTIC, LEARNED = 0, 1  # which predictor is used
 BELIEF = "belief"  # what a planner that teaches knows, as a recipe says it
 
 # A student's plan never gets as cheap as the planner's own, so the teacher commits at a higher cost. A student also

@@ -11,6 +11,7 @@ from policies.baselines import carried_row, variables_row
 from policies.baselines import fast_perching_cost as fp
 from policies.baselines.fast_perching_params import FastPerchingParams
 from policies.baselines.min_snap import PIECES, min_snap
+from policies.baselines.smoothing import piece_seconds, piece_variable
 
 PARAMS = FastPerchingParams(thrust_min=4.8, thrust_max=14.8, contact_below=0.02, contact_radius=0.13)
 ROW = PARAMS.row()
@@ -41,10 +42,10 @@ def test_gradient_agrees_with_differences_of_the_cost(seed, turn_rate, inclinati
 
 @given(st.floats(-20.0, 20.0))
 def test_seconds_of_a_piece_are_positive_and_invertible(t):
-    seconds, slope = fp.piece_seconds(t)
+    seconds, slope = piece_seconds(t)
     assert seconds > 0.0
     assert slope > 0.0
-    assert fp.piece_variable(seconds) == pytest.approx(t, abs=1e-9)
+    assert piece_variable(seconds) == pytest.approx(t, abs=1e-9)
 
 
 def test_speed_above_the_limit_costs_and_hover_does_not():
