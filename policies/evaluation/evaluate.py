@@ -1,7 +1,7 @@
 """How well a policy perches, measured in the training environment: the paper's operating points and the distributions.
 
 Every row of the environment contributes the same number of episodes, its first ones, so that quick ends are not counted
-more often than slow ones. What is evaluated on is kept out of what is learnt and tuned on: see `evaluation_seed`.
+more often than slow ones. Evaluation has seeds that training and tuning do not use: see `evaluation_seed`.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from vehicle.camera.noise import measured_noise, paper_noise
 Policy = Callable[[Env], np.ndarray]
 """Environment in, actions ((N, 4) in [-1, 1]) out; called once a step."""
 Watch = Callable[[float], None]
-"""Told the share of the work that is done, 0 to 1."""
+"""Called with the share of the work that is done, 0 to 1."""
 
 NOISES = {"paper": paper_noise, "measured": measured_noise}
-"""Noise of the simulated detector: the paper's table, or what this project's renderer and detector show."""
+"""Noise of the simulated detector: the paper's table, or as measured on this project's renderer and detector."""
 
 _SPLINE, _OU = (1.0, 0, 0, 0, 0, 0), (0, 1.0, 0, 0)
 IMPACT_BAND = (0.4, 0.65)  # m/s along the normal, the paper's flights
@@ -37,7 +37,7 @@ def evaluation_seed(seed: int) -> int:
     """The environment's seed for evaluation `seed` (0, 1, ...).
 
     Training draws from seeds below 2**40 (1000 times its own seed, plus the process), tuning from small ones; these
-    lie above, so that nothing a policy is judged on was ever learnt or tuned on.
+    lie above, so that no episode of an evaluation was used to train or tune.
     """
     if not 0 <= seed < _FIRST_SEED:
         raise ValueError(f"seed {seed}: give one from 0 to {_FIRST_SEED - 1}")
