@@ -12,29 +12,7 @@ from typing import Any
 
 from hil.bus.clock import CLOCK
 from hil.bus.leaf import CONTROL, HEALTH, OBSERVERS, TOPIC
-from hil.contract.topics import TOPICS, may_read
-
-# What each node publishes; tests hold it to the nodes themselves.
-OUTPUTS: dict[str, tuple[str, ...]] = {
-    "car_device": ("truth/board",),
-    "vehicle_device": ("truth/vehicle",),
-    "mocap": ("mocap/vehicle", "mocap/board"),
-    "director": ("run/stage",),
-    "referee": ("referee/contact",),
-    "car_follower": ("car/reference", "car/command"),
-    "car_link": ("car/feedback", "car/sent", "truth/board"),
-    "camera": ("camera/image", "board/detection"),
-    "detector": ("board/detection",),
-    "vehicle_link": (
-        "vehicle/odometry",
-        "vehicle/status",
-        "vehicle/sent",
-        "vehicle/parameters",
-        "truth/vehicle",
-    ),
-    "belief": ("belief",),
-    "policy": ("policy/action",),
-}
+from hil.contract.topics import TOPICS, may_read, published_by
 
 
 def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
@@ -66,14 +44,9 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         "id": "clock", "messages": ["query", "reply"], "flows": ["ingress", "egress"], "key_exprs": [CLOCK],
         "permission": "allow",
     })  # fmt: skip
+    present = {node for nodes in services.values() for node in nodes}
     for service, nodes in services.items():
-        outputs = {t for node in nodes for t in OUTPUTS[node]}
-        if "vehicle_link" in nodes and any("vehicle_device" in others for others in services.values()):
-            outputs.discard("truth/vehicle")  # it stands for the truth only where nothing else tells it
-        if "car_link" in nodes and any("car_device" in others for others in services.values()):
-            outputs.discard("truth/board")  # the same
-        if "camera" in nodes and any("detector" in others for others in services.values()):
-            outputs.discard("board/detection")  # it sees the board only where nobody looks at its pictures
+        outputs = {topic for node in nodes for topic in published_by(node, present)}
         publish = sorted({TOPIC + t for t in outputs} | {TOPIC + "event", HEALTH + service})
         hear = sorted({TOPIC + t for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
         allow(service, publish, hear)

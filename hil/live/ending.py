@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from hil.assembly.node_table import driving_services
 from hil.live.judge import Ended
 from hil.live.supervisor import Supervisor
 
 TURN_S = 0.05
 LAND_LIMIT_S = 25.0
-DRIVERS = ("vehicle_link", "car")
+DRIVERS = driving_services()
 _HEARD_S = 0.7  # every service says its health twice a second
 _WITNESS_S = 3.0  # recorded after the driver itself is gone: what autopilot and car do by themselves
 

@@ -6,23 +6,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.contract.graph import check_graph
-from hil.contract.node import Inbox, Node, Out
+from hil.contract.node import Node
 
 
 class Declared(NamedTuple):
-    """What a node of another process says of itself: enough of a node to be checked, not to be stepped."""
+    """The declaration of a node that runs in another process."""
 
     name: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     wakes: tuple[str, ...]
     period_ns: int
-
-    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
-        raise NotImplementedError(f"{self.name} runs in another process")
-
-    def close(self) -> None:
-        pass
 
 
 def declare(nodes: Iterable[Node]) -> list[list[Any]]:

@@ -23,7 +23,7 @@ from hil.live.load import load_now
 from hil.live.orphaned import remove_orphaned_memory
 from hil.live.run_clock import clock_lines
 from hil.live.run_events import Ear
-from hil.live.spec import LiveSpec, services
+from hil.live.spec import LiveSpec
 from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
 from hil.recording.provenance import Code
@@ -122,7 +122,7 @@ def _fly(
     watch: Callable[[Supervisor], object],
 ) -> None:
     """Start, watch, and bring down; what happened is noted in `ended`."""
-    wanted = list(services(plan.rig))
+    wanted = list(spec.services(plan.rig))
     ear: Ear | None = None
     try:
         try:

@@ -60,12 +60,12 @@ class Seats:
         *,
         book: ReceiptBook | None = None,
         wired: Collection[str] = (),
-        at_work: AbstractContextManager[None] | None = None,
+        step_priority: AbstractContextManager[None] | None = None,
     ) -> None:
-        """`wired`: nodes woken by a wire, whose period then only has to be kept as far as `WIRE_PERIOD_NS`. `at_work`
-        is entered for every step."""
+        """`wired`: nodes woken by a wire, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
+        `step_priority` is entered for every step."""
         self._bus_publish, self._now, self._book = publish, now, book
-        self._at_work = at_work or nullcontext()
+        self._step_priority = step_priority or nullcontext()
         self._seats = [
             _Seat(
                 n, Inbox(n.inputs), {t: [] for t in n.inputs},
@@ -142,7 +142,7 @@ class Seats:
             consumed += (len(numbers), *numbers)
             numbers.clear()
         began = time.monotonic_ns()
-        with self._at_work:
+        with self._step_priority:
             outs = seat.node.step(now_ns, seat.inbox)
         seat.pace.busy_ns += time.monotonic_ns() - began
         seat.pace.steps += 1

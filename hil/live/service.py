@@ -9,14 +9,15 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
+from hil.assembly.simulation import counters
 from hil.bus.leaf import CONTROL, HEALTH, Bus, Mailbox
 from hil.contract.messages import Event
 from hil.contract.node import Node
 from hil.live.graph import declare
 from hil.live.liveness import Presence, footprint
-from hil.live.priority import AtWork
 from hil.live.run_clock import RunTime
 from hil.live.schedule import Seats
 from hil.recording.receipts import ReceiptBook
@@ -25,16 +26,11 @@ _WIRE_REST_NS = 1_000_000  # a flood on a wire may not keep its driver busy
 _HEALTH_NS = 500_000_000
 _IDLE_NS = 100_000_000
 _SAFE_LIMIT_NS = 20_000_000_000
-# Where in a period of 4 or 10 ms a service has its deadlines: not all at 0, where they would want the cores at once,
-# and who reads the motion capture after it has told. What it brings to latency was not measured apart.
-_FIRST_NS = {
-    "mocap": 1_000_000, "car_device": 2_000_000, "car": 3_000_000, "vehicle_link": 5_000_000, "referee": 7_000_000,
-}  # fmt: skip
 _LINGER_NS = 2_000_000_000  # zero speed has to be sent, and an autopilot says only once a second that it is disarmed
 
 
 class LiveService:
-    """Drives `nodes` until told to stop. `trouble` names wires that went away; `counters` what was rejected."""
+    """Drives `nodes` until told to stop. `trouble` names wires that went away."""
 
     def __init__(
         self,
@@ -46,20 +42,22 @@ class LiveService:
         presence: Presence | None = None,
         book: ReceiptBook | None = None,
         trouble: Callable[[], list[str]] = list,
-        counters: Callable[[], dict[str, int]] = dict,
         serves: str = "",
         descriptors: Mapping[int, str] | None = None,
+        phase_ns: int = 0,
+        step_priority: AbstractContextManager[None] | None = None,
     ) -> None:
         """`presence` watches for the supervisor; `serves` is the digest of the run that this process was built for.
 
         `descriptors`: of wires that wake a node, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
+        `phase_ns`: when the first deadlines are, after the run's start. `step_priority` is entered for every step.
         """
         self.name, self._bus, self._time, self._serves = name, bus, run_time, serves
         self._presence = presence or Presence()
-        self._trouble, self._counters = trouble, counters
+        self._trouble, self._phase_ns = trouble, phase_ns
         wires = descriptors or {}
         self._seats = Seats(
-            nodes, self._publish, run_time.now, book=book, wired=set(wires.values()), at_work=AtWork(name)
+            nodes, self._publish, run_time.now, book=book, wired=set(wires.values()), step_priority=step_priority
         )
         ranks = {node.name: rank for rank, node in enumerate(nodes)}
         self._wired = {fd: ranks[node] for fd, node in wires.items() if node in ranks}
@@ -119,7 +117,7 @@ class LiveService:
 
     def run(self) -> None:
         """Step the nodes from the run's start until stopped, aborted or orphaned."""
-        self._seats.begin(_FIRST_NS.get(self.name, 0))
+        self._seats.begin(self._phase_ns)
         # Each service tells its health at a moment of its own: all at once they held pictures up by 4 ms
         self._health_ns = zlib.crc32(self.name.encode()) % _HEALTH_NS
         while not self._stop:
@@ -165,12 +163,10 @@ class LiveService:
             self._abort_ns, self._why = self._now(), why
             print(f"{self.name}: aborted at {self._abort_ns / 1e9:.3f} s: {why}", flush=True)
         for node in self._seats.nodes:
-            make_safe = getattr(node, "abort", None)
-            if make_safe is not None:
-                make_safe(why)
+            node.abort(why)
 
     def _nodes_safe(self) -> bool:
-        return all(getattr(node, "safe", True) for node in self._seats.nodes)
+        return all(node.safe for node in self._seats.nodes)
 
     def _safe(self, now_ns: int) -> bool:
         """Nothing here has to be flown on: everything has been safe for a while, or has had its time to become so."""
@@ -214,7 +210,7 @@ class LiveService:
             "outputs": sorted({topic for node in self._seats.nodes for topic in node.outputs}),
             "nodes": {node: vars(pace) for node, pace in self._seats.paces},
             "dropped": dict(mailbox.dropped), "lost": dict(mailbox.lost), "garbage": mailbox.garbage,
-            "counters": self._counters(), "safe": self._nodes_safe(), "why": self._why,
+            "counters": counters(self._seats.nodes), "safe": self._nodes_safe(), "why": self._why,
             "clock": self._time.table(), "serves": self._serves, **footprint(),
             **({"graph": declare(self._seats.nodes)} if state == "ready" else {}),
         }  # fmt: skip

@@ -11,6 +11,8 @@ from hil.assembly.rig import Rig
 from hil.wires import WireError
 from hil.wires.can import open_can
 from hil.wires.can_udp import CanOverUdp
+from hil.wires.serial import SerialWire
+from hil.wires.tcp import TcpWire
 from hil.wires.udp import UdpWire
 from hil.wires.url import open_url
 
@@ -45,6 +47,7 @@ class LiveWires:
     def __init__(self, rig: Rig, ports: Ports) -> None:
         self._rig, self._ports = rig, ports
         self._opened: list[Any] = []
+        self._connections: list[TcpWire | SerialWire] = []
         self.descriptors: dict[int, str] = {}  # to be waited for -> the driver that reads it; others are looked at
 
     def vehicle_link(self) -> Any:
@@ -76,14 +79,16 @@ class LiveWires:
 
     def _keep(self, wire: Any, driver: str = "") -> Any:
         self._opened.append(wire)
-        if driver and hasattr(wire, "fileno"):
+        if isinstance(wire, TcpWire | SerialWire):
+            self._connections.append(wire)
+        if driver and isinstance(wire, UdpWire):
             self.descriptors[wire.fileno()] = driver
         return wire
 
     @property
     def trouble(self) -> list[str]:
         """Wires that went away."""
-        return [wire.lost for wire in self._opened if getattr(wire, "lost", "")]
+        return [wire.lost for wire in self._connections if wire.lost]
 
     def close(self) -> None:
         for wire in self._opened:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from hil.contract.messages import Contact, Event, Stage, VehicleStatus
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 
 _REPEAT_NS = 50_000_000  # a change is told at once, and every stage again and again: a reader may have missed it
 _LOST = ("failed", "interrupted", "killed")  # phases of the driver from which no attempt can begin
 
 
-class Director:
+class Director(Node):
     """prepare -> lead (the car drives) -> attempt (the policy may engage) -> ended."""
 
     name = "director"
     inputs = ("vehicle/status", "referee/contact")
     outputs = ("run/stage", "event")
-    wakes = ()
     period_ns = 10_000_000
 
     def __init__(self, lead_ns: int, prepare_limit_ns: int, after_ns: int = 400_000_000) -> None:
@@ -66,6 +65,3 @@ class Director:
 
     def _text(self) -> str:
         return self.failure or f"stage {self._stage}"
-
-    def close(self) -> None:
-        pass

@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from hil.contract.messages import BoardState, Contact, Event, Stage, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from policies.task import contact as rule
 
 
-class Referee:
+class Referee(Node):
     """Judges every new pair of motion capture samples while the attempt lasts; the first decision stands."""
 
     name = "referee"
     inputs = ("mocap/vehicle", "mocap/board", "run/stage")
     outputs = ("referee/contact", "event")
     wakes = ("mocap/vehicle",)
-    period_ns = 0
 
     def __init__(self, rules: rule.ContactRules, inclination: float) -> None:
         """`inclination` in rad: the board's set angle, which motion capture also measures but the car's heading not."""
@@ -66,6 +65,3 @@ class Referee:
             Out("referee/contact", contact),
             Out("event", Event(now_ns, "info", self.name, f"{seen.outcome}{why}, {held}")),
         ]
-
-    def close(self) -> None:
-        pass

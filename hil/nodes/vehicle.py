@@ -12,7 +12,7 @@ from hil.contract.messages import (
     VehicleState,
     VehicleStatus,
 )
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from hil.safety.gate import Gate
 from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
@@ -24,7 +24,7 @@ STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
 
 
-class VehicleLink:
+class VehicleLink(Node):
     """Driver and gate in one node: nothing can come between the last check and the wire."""
 
     name = "vehicle_link"
@@ -123,17 +123,11 @@ class VehicleLink:
             self._link.release()
 
     @property
-    def garbage(self) -> int:
-        """Bytes on the vehicle's wire that were no MAVLink."""
-        return self._link.garbage
-
-    @property
-    def refused(self) -> int:
-        """Commands that came too old to be sent."""
-        return self._gate.refused
-
-    def close(self) -> None:
-        pass
+    def counters(self) -> dict[str, int]:
+        return {
+            "bytes of garbage on the vehicle's wire": self._link.garbage,
+            "commands too old to send": self._gate.refused,
+        }
 
 
 def _with_thrust(sent: Sent, said: LinkOutput) -> Sent:
@@ -154,13 +148,12 @@ def _status(now_ns: int, said: LinkOutput) -> VehicleStatus:
     )
 
 
-class VehicleDevice:
+class VehicleDevice(Node):
     """The software PX4 with its airframe; when the magnet holds, the vehicle rides on the board."""
 
     name = "vehicle_device"
     inputs = ("referee/contact", "truth/board")
     outputs = ("truth/vehicle",)
-    wakes = ()
     period_ns = 4_000_000
 
     def __init__(self, sim: Px4Sim, wind: Wind | None = None) -> None:
@@ -182,6 +175,3 @@ class VehicleDevice:
         truth = self._sim.truth()
         state = VehicleState(now_ns, truth.position, truth.velocity, truth.orientation, truth.body_rate)
         return [Out("truth/vehicle", state)]
-
-    def close(self) -> None:
-        pass

@@ -5,12 +5,13 @@ import time
 import pytest
 import zenoh
 
+from hil.assembly.node_table import SERVICES, service_nodes
+from hil.assembly.rig import load_rig
 from hil.bus.certificates import make_keys
 from hil.bus.keys import access_control
 from hil.bus.leaf import CONTROL, OBSERVERS, TOPIC, Bus, BusError, Mailbox, credentials_in, open_hub
 from hil.bus.session import settings
 from hil.contract import messages as m
-from hil.live.spec import GROUPS
 from tests.unit.hil.bus.test_leaf import free_endpoint
 
 ACTION = m.Action(1, True, (0.0, 0.0, 0.0), 9.81, "follow", 0, 9.81)
@@ -22,14 +23,14 @@ LIMIT_S = 10.0
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
     folder = tmp_path_factory.mktemp("closed") / "keys"
-    make_keys(folder, ["hub", *OBSERVERS, *GROUPS])
+    make_keys(folder, ["hub", *OBSERVERS, *SERVICES])
     return folder
 
 
 @pytest.fixture(scope="module")
 def hub(keys):
     endpoint = free_endpoint().replace("tcp/", "tls/")
-    with open_hub(endpoint, credentials_in(keys, "hub"), access_control(GROUPS)):
+    with open_hub(endpoint, credentials_in(keys, "hub"), access_control(service_nodes(load_rig("sim")))):
         yield endpoint
 
 

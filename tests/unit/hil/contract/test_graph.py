@@ -54,7 +54,7 @@ def test_a_name_is_no_disguise():
         ([FakeNode("a", outputs=("belief",)), FakeNode("b", outputs=("belief",))], "both 'a' and 'b'"),
         (
             [ALL, FakeNode("policy", inputs=("car/reference",))],
-            "may not read 'car/reference': the contract allows nobody",
+            "may not read 'car/reference': the contract allows no node",
         ),
         ([ALL, FakeNode("policy", inputs=("truth/vehicle",))], "the contract allows vehicle_device, camera, mocap"),
         ([FakeNode("policy", inputs=("belief",))], "'policy' reads 'belief', which no node of this graph publishes"),

@@ -1,13 +1,13 @@
 """The order in which one process of a live run steps its nodes and publishes what they said."""
 
 from hil.contract import messages as m
-from hil.contract.node import Out
+from hil.contract.node import Node, Out
 from hil.live.schedule import Seats
 
 MS = 1_000_000
 
 
-class Slow:
+class Slow(Node):
     """A camera of a 10 ms period whose pictures are due 9 ms after their step, which itself takes 4 ms."""
 
     name, inputs, outputs, wakes, period_ns = "camera", (), ("event",), (), 10 * MS
@@ -19,9 +19,6 @@ class Slow:
         self._clock[0] += 4 * MS
         self._done.append(("drawn", now_ns))
         return [Out("event", m.Event(now_ns, "info", "camera", "picture"), 9 * MS)]
-
-    def close(self):
-        pass
 
 
 def test_a_picture_that_is_due_is_published_before_the_next_one_is_drawn():

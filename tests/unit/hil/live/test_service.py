@@ -10,7 +10,7 @@ import pytest
 
 from hil.bus.leaf import CONTROL, HEALTH, Bus, open_hub
 from hil.contract import messages as m
-from hil.contract.node import Out
+from hil.contract.node import Node, Out
 from hil.live.liveness import Presence
 from hil.live.run_clock import RunTime
 from hil.live.service import LiveService
@@ -19,13 +19,14 @@ from tests.unit.hil.bus.test_leaf import free_endpoint
 LIMIT_S = 10.0
 
 
-class Fake:
+class Fake(Node):
     """A node that notes when and why it was stepped."""
 
-    name, inputs, outputs, wakes, period_ns = "policy", ("belief", "run/stage"), ("policy/action",), ("belief",), 0
+    name, inputs, outputs, wakes = "policy", ("belief", "run/stage"), ("policy/action",), ("belief",)
+    safe = True
 
     def __init__(self, period_ns=0, wire=None):
-        self.period_ns, self.steps, self.aborts, self.safe, self._wire = period_ns, [], [], True, wire
+        self.period_ns, self.steps, self.aborts, self._wire = period_ns, [], [], wire
 
     def step(self, now_ns, inbox):
         self.steps.append((now_ns, len(inbox.new("belief")), len(inbox.new("run/stage"))))
@@ -36,9 +37,6 @@ class Fake:
 
     def abort(self, why):
         self.aborts.append(why)
-
-    def close(self):
-        pass
 
 
 class Service:

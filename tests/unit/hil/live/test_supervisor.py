@@ -70,7 +70,7 @@ def test_a_stopped_process_is_known_as_stopped(tmp_path):
 
 def half_gone(tmp_path):
     """A process whose main thread has left by itself, with status 7 (x86-64's and arm64's exit), another lives on."""
-    code = "import ctypes, board, threading, time\nthreading.Thread(target=time.sleep, args=(60,)).start()\n"
+    code = "import ctypes, platform, threading, time\nthreading.Thread(target=time.sleep, args=(60,)).start()\n"
     one = process(tmp_path, code + "ctypes.CDLL(None).syscall(60 if platform.machine() == 'x86_64' else 93, 7)")
     wait_for(lambda: one.leaving() is not None)
     return one

@@ -41,7 +41,7 @@ def test_a_picture_is_stamped_with_the_middle_of_its_exposure():
     assert (out.topic, image.stamp_ns, image.width, image.height) == ("camera/image", NOW - 20 * MS, 4, 3)
     assert (image.exposure_ns, image.sequence, image.data) == (2 * MS, 7, bytes(range(12)))
     assert step(node, "attempt") == []
-    assert node.dropped == 3
+    assert node.counters["pictures replaced before they were read"] == 3
 
 
 @pytest.mark.parametrize("stage", ["prepare", "ended"])
@@ -59,7 +59,7 @@ def test_a_lost_device_is_told_and_counted_and_then_ends_the_service(stage):
     camera.lost = "camera /dev/video0 is gone"
     (out,) = step(node, stage)
     assert (out.topic, out.message.severity, out.message.text) == ("event", "error", camera.lost)
-    assert node.losses == 1
+    assert node.counters["cameras lost"] == 1
     with pytest.raises(WireError, match="/dev/video0 is gone"):
         step(node, stage)
     node.close()

@@ -95,7 +95,7 @@ def test_garbage_on_the_bus_is_counted_and_does_no_harm():
     for frame in ((0x7AB, b"\x01"), (0x221, b"short"), (0x211, b""), (0x3FF, bytes(8))):
         car.theirs.send(CanFrame(*frame))
     car.run(1.0, drive(0.5))
-    assert car.node.rejected == 4
+    assert car.node.counters["frames rejected on the car's wire"] == 4
     assert car.feedback[-1].rejected_frames == 4
     assert car.feedback[-1].speed == pytest.approx(0.5, abs=0.1)
 

@@ -87,7 +87,7 @@ def test_without_a_fresh_engaged_command_nothing_is_sent():
     for heard in ((), (action(engaged=False),), (action(stamp=NOW - 60 * MS),)):
         assert rig.step(NOW, *heard)["vehicle/sent"] == []
         assert rig.link.commands[-1] is None
-    assert rig.node.refused == 1
+    assert rig.node.counters["commands too old to send"] == 1
 
 
 def test_only_the_newest_command_counts():
@@ -149,7 +149,7 @@ def test_notes_become_events_and_odometry_is_passed_on():
     assert outs["vehicle/odometry"] == [
         VehicleState(NOW, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
     ]
-    assert rig.node.garbage == 3
+    assert rig.node.counters["bytes of garbage on the vehicle's wire"] == 3
 
 
 SEEN = "mocap/vehicle", VehicleState(NOW - 5 * MS, (1.0, 2.0, 3.0), (9.0,) * 3, (0.6, 0.8, 0.0, 0.0), (9.0,) * 3)
