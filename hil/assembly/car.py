@@ -9,7 +9,7 @@ from groundcar.scout.sim import ScoutSim
 from hil.assembly.board_motion import motion_aux, start_board, start_parameter
 from hil.assembly.parts import Parts
 from hil.nodes.car import CarDevice, CarFollower, CarLink
-from hil.safety.gate import CarGate
+from hil.safety.car_gate import CarGate
 from kernel.random import stream
 
 

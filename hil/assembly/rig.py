@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from hil.safety.gate import CarGateLimits, GateLimits
+from hil.safety.limits import CarGateLimits, GateLimits
 from hil.wires import WireError
 from hil.wires.url import check_url
 from kernel.toml_errors import ConfigError, load_toml, nearest

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hil.assembly.parts import Parts
 from hil.nodes.vehicle import VehicleDevice, VehicleLink
-from hil.safety.gate import Gate
+from hil.safety.vehicle_gate import VehicleGate
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import LinkConfig, Signing
 from vehicle.px4.sim.autopilot import Px4Sim
@@ -49,7 +49,7 @@ def vehicle_link(parts: Parts) -> VehicleLink:
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
     link = Px4Link(parts.wires.vehicle_link(), config)
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
-    return VehicleLink(link, Gate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board)
+    return VehicleLink(link, VehicleGate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board)
 
 
 def _wind(parts: Parts) -> Wind | None:

@@ -52,4 +52,4 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
 
 
 def _words(table: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in table.items() if key not in ("heard_ns", "service", "outputs", "memory")}
+    return {key: value for key, value in table.items() if key not in ("received_ns", "service", "outputs", "memory")}

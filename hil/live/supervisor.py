@@ -22,7 +22,7 @@ from hil.contract.topics import TOPICS
 from hil.live.orphaned import mapped_memory
 from hil.live.process import Process
 from hil.live.run_clock import clock_fault
-from hil.live.silence import silence
+from hil.safety.topic_liveness import liveness_fault
 
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
 _BEAT_S = 0.2
@@ -48,7 +48,7 @@ class Supervisor:
         self._processes: dict[str, Process] = {}
         self._bus: Bus | None = None
         self.health: dict[str, dict[str, Any]] = {}
-        self._heard: dict[str, int] = {}
+        self._received: dict[str, int] = {}
         self._started_ns = 0
         self._standing: dict[str, Any] = {"order": "watch"}
         self._beaten_s = 0.0
@@ -72,11 +72,11 @@ class Supervisor:
                 if time.monotonic() > until:
                     raise SupervisorError(str(error)) from None
         self._bus.hear(HEALTH + "*", self._note)
-        self._heard = self._bus.ages([t for t, row in TOPICS.items() if row.hz and t not in _QUIET])
+        self._received = self._bus.ages([t for t, row in TOPICS.items() if row.hz and t not in _QUIET])
         return self._bus
 
     def _note(self, table: dict[str, Any]) -> None:
-        self.health[str(table.get("service"))] = {**table, "heard_ns": time.monotonic_ns()}
+        self.health[str(table.get("service"))] = {**table, "received_ns": time.monotonic_ns()}
         self.memory.update(table.get("memory", ()))
 
     def wait_ready(
@@ -142,10 +142,10 @@ class Supervisor:
         now = time.monotonic_ns()
         if now < self._started_ns:
             return ""
-        silent = silence(now, self.health, self._heard, self._watched())
-        if not silent:
+        fault = liveness_fault(now, self.health, self._received, self._watched())
+        if not fault:
             return ""
-        return next((one.why() for one in self._processes.values() if one.leaving() is not None), silent)
+        return next((one.why() for one in self._processes.values() if one.leaving() is not None), fault)
 
     def _watched(self) -> list[str]:
         return [*(name for name in self._processes if name != "hub"), *self._remote]
@@ -163,7 +163,7 @@ class Supervisor:
             return True
         if self._alone(process):
             return False
-        silent = time.monotonic_ns() - table["heard_ns"] > 3e9
+        silent = time.monotonic_ns() - table["received_ns"] > 3e9
         return silent or bool(table.get("safe", True))
 
     def _alone(self, process: Process | None) -> bool:

@@ -14,7 +14,8 @@ from groundcar.scout.follower import Follower
 from groundcar.scout.sim import ScoutSim
 from hil.contract.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage
 from hil.contract.node import Inbox, Node, Out
-from hil.safety.gate import CarGate, CarGateLimits
+from hil.safety.car_gate import CarGate
+from hil.safety.limits import CarGateLimits
 
 CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
 _BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board

@@ -13,7 +13,7 @@ from hil.contract.messages import (
     VehicleStatus,
 )
 from hil.contract.node import Inbox, Node, Out
-from hil.safety.gate import Gate
+from hil.safety.vehicle_gate import VehicleGate
 from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
@@ -36,7 +36,7 @@ class VehicleLink(Node):
     def __init__(
         self,
         link: Px4Link,
-        gate: Gate,
+        gate: VehicleGate,
         stands_for_truth: bool = False,
         external_pose: bool = False,
         virtual_board: bool = False,

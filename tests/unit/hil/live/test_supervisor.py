@@ -93,10 +93,10 @@ class Run:
         self.now_ns = time.monotonic_ns()
         for service, age_s in ages_s.items():
             outputs = {"brain": ["belief"], "mocap": ["mocap/board"]}.get(service, [])
-            self.supervisor.health[service] = {"heard_ns": self.now_ns - int(age_s * 1e9), "outputs": outputs}
+            self.supervisor.health[service] = {"received_ns": self.now_ns - int(age_s * 1e9), "outputs": outputs}
 
     def topic(self, topic, age_s):
-        self.supervisor._heard[topic] = self.now_ns - int(age_s * 1e9)
+        self.supervisor._received[topic] = self.now_ns - int(age_s * 1e9)
 
     def trouble(self):
         return self.supervisor.trouble()
@@ -111,13 +111,13 @@ def test_all_is_well_while_everybody_speaks(tmp_path):
 def test_a_topic_that_falls_silent_is_told_with_its_producer(tmp_path):
     run = Run(tmp_path, brain=0.2, mocap=0.3)
     run.topic("mocap/board", 1.2)
-    assert run.trouble().startswith("mocap is silent on mocap/board for 1.2")
+    assert run.trouble().startswith("mocap has not published mocap/board for 1.2")
 
 
 def test_who_is_silent_altogether_is_blamed_before_those_who_wait_for_him(tmp_path):
     run = Run(tmp_path, brain=0.2, camera=1.3, mocap=0.3)
     run.topic("belief", 1.1)
-    assert run.trouble().startswith("camera does not answer: silent for 1.3")
+    assert run.trouble().startswith("camera does not answer: no health for 1.3")
 
 
 def test_a_service_without_topics_is_missed_by_its_health(tmp_path):
@@ -136,7 +136,7 @@ def test_the_recorder_may_be_busy_for_longer_and_is_not_blamed_for_others(tmp_pa
 def test_if_nobody_is_heard_it_is_the_hub(tmp_path):
     run = Run(tmp_path, brain=1.2, mocap=1.4)
     run.topic("belief", 1.1)
-    assert run.trouble().startswith("hub does not answer: nothing has come from anybody for 1.2")
+    assert run.trouble().startswith("hub does not answer: no service was received for 1.2")
 
 
 def test_who_is_silent_because_he_is_leaving_is_told_as_gone(tmp_path):

@@ -12,7 +12,8 @@ from groundcar.scout.sim import ScoutSim
 from hil.contract.messages import BoardState, CarCommand, Stage
 from hil.contract.wire import CanFrame, memory_pair
 from hil.nodes.car import CONTROL_PERIOD_NS, CarFollower, CarLink
-from hil.safety.gate import CarGate, CarGateLimits
+from hil.safety.car_gate import CarGate
+from hil.safety.limits import CarGateLimits
 from tests.unit.hil.contract.node_fakes import filled
 
 MS = 1_000_000
@@ -82,7 +83,7 @@ def test_a_car_that_falls_silent_is_sent_nothing_more_when_it_is_back():
     car = Car().run(1.0, drive(0.0)).run(1.0, drive(0.5))
     car.alive = False
     car.run(0.8, drive(0.5))
-    assert "gate tripped: the car has said nothing for 500 ms" in car.texts
+    assert "gate tripped: no feedback of the car for 500 ms" in car.texts
     assert any("silent" in text for text in car.texts)
     car.alive = True
     car.sent.clear()

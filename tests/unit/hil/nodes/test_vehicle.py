@@ -5,7 +5,8 @@ import pytest
 
 from hil.contract.messages import Action, BoardState, Contact, VehicleState
 from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleDevice, VehicleLink
-from hil.safety.gate import Gate, GateLimits
+from hil.safety.limits import GateLimits
+from hil.safety.vehicle_gate import VehicleGate
 from tests.unit.hil.contract.node_fakes import filled
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Note, Odometry, Rates
 
@@ -40,7 +41,7 @@ class Rig:
 
     def __init__(self, **options):
         self.link = FakeLink()
-        self.node = VehicleLink(self.link, Gate(GateLimits()), **options)
+        self.node = VehicleLink(self.link, VehicleGate(GateLimits()), **options)
         self.step(NOW - 4 * MS, odometry=True)
 
     def step(self, now_ns, *heard, odometry=False):

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from hil.contract.messages import Action, VehicleState
-from hil.safety.gate import Gate, GateLimits
+from hil.safety.limits import GateLimits
+from hil.safety.vehicle_gate import VehicleGate
 
 NOW = 5_000_000_000
 MS = 1_000_000
@@ -23,7 +24,7 @@ def vehicle(position=(0.0, 0.0, 2.0), velocity=(1.0, 0.0, 0.0), age_ms=10.0):
 
 
 def test_a_good_command_passes_unchanged():
-    gate = Gate(LIMITS)
+    gate = VehicleGate(LIMITS)
     sent = gate.check(NOW, action(), vehicle())
     assert sent is not None
     assert (sent.body_rate, sent.thrust, sent.limited, sent.tripped) == ((0.1, -0.2, 0.3), 9.8, False, "")
@@ -36,7 +37,7 @@ def test_a_good_command_passes_unchanged():
 def test_each_rate_is_clipped_to_its_limit_and_marked(axis, sign):
     rate = [0.0, 0.0, 0.0]
     rate[axis] = sign * (LIMITS.rate + 0.5)
-    sent = Gate(LIMITS).check(NOW, action(tuple(rate)), vehicle())
+    sent = VehicleGate(LIMITS).check(NOW, action(tuple(rate)), vehicle())
     assert sent is not None
     assert sent.limited
     assert sent.body_rate[axis] == sign * LIMITS.rate
@@ -45,14 +46,14 @@ def test_each_rate_is_clipped_to_its_limit_and_marked(axis, sign):
 
 @pytest.mark.parametrize(("asked", "sent_thrust"), [(0.0, 2.0), (-3.0, 2.0), (25.0, 18.0), (1e9, 18.0)])
 def test_thrust_is_clipped_and_marked(asked, sent_thrust):
-    sent = Gate(LIMITS).check(NOW, action(thrust=asked), vehicle())
+    sent = VehicleGate(LIMITS).check(NOW, action(thrust=asked), vehicle())
     assert sent is not None
     assert (sent.thrust, sent.limited) == (sent_thrust, True)
 
 
 @given(st.tuples(*[st.floats(-50, 50)] * 3), st.floats(-50, 50))
 def test_what_is_sent_is_always_within_the_limits_and_marked_if_changed(rate, thrust):
-    sent = Gate(LIMITS).check(NOW, action(rate, thrust), vehicle())
+    sent = VehicleGate(LIMITS).check(NOW, action(rate, thrust), vehicle())
     assert sent is not None
     assert all(abs(r) <= LIMITS.rate for r in sent.body_rate)
     assert LIMITS.thrust[0] <= sent.thrust <= LIMITS.thrust[1]
@@ -64,7 +65,7 @@ def test_what_is_sent_is_always_within_the_limits_and_marked_if_changed(rate, th
 def test_a_command_that_is_not_finite_trips(bad, field):
     numbers = [0.0, 0.0, 0.0, 9.8]
     numbers[field] = bad
-    gate = Gate(LIMITS)
+    gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(tuple(numbers[:3]), numbers[3]), vehicle()) is None
     assert gate.tripped == "command is not finite"
 
@@ -87,7 +88,7 @@ def test_a_command_that_is_not_finite_trips(bad, field):
     ],
 )
 def test_a_vehicle_that_must_not_fly_on_trips_and_the_trip_latches(state, reason):
-    gate = Gate(LIMITS)
+    gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(), state) is None
     assert reason in gate.tripped
     first = gate.tripped
@@ -96,7 +97,7 @@ def test_a_vehicle_that_must_not_fly_on_trips_and_the_trip_latches(state, reason
 
 
 def test_a_vehicle_that_has_not_seen_the_board_for_seconds_does_not_fly_on():
-    gate = Gate(LIMITS)
+    gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(seen_ms=3000.0), vehicle()) is not None
     assert gate.check(NOW, action(seen_ms=3060.0), vehicle()) is None
     assert gate.tripped == "board not seen for 3.1 s, limit 3"
@@ -105,14 +106,14 @@ def test_a_vehicle_that_has_not_seen_the_board_for_seconds_does_not_fly_on():
 
 def test_limits_themselves_are_allowed():
     state = replace(vehicle((25.0, -25.0, 0.3), (8.0, 0.0, 0.0), age_ms=200.0), body_rate=(12.0, 0.0, 0.0))
-    sent = Gate(LIMITS).check(NOW, action((4.0, -4.0, 4.0), 18.0, age_ms=50.0), state)
+    sent = VehicleGate(LIMITS).check(NOW, action((4.0, -4.0, 4.0), 18.0, age_ms=50.0), state)
     assert sent is not None
     assert not sent.limited
 
 
 @pytest.mark.parametrize("age_ms", [50.1, 1000.0, -0.1])
 def test_a_late_command_is_not_sent_but_does_not_trip(age_ms):
-    gate = Gate(LIMITS)
+    gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(age_ms=age_ms), vehicle()) is None
     assert (gate.tripped, gate.refused) == ("", 1)
     assert gate.check(NOW, action(), vehicle()) is not None
@@ -139,6 +140,6 @@ def test_limits_that_limit_nothing_are_refused(wrong):
 
 
 def test_motors_may_be_let_stop():
-    sent = Gate(GateLimits(thrust=(0.0, 18.0))).check(NOW, action(thrust=-1.0), vehicle())
+    sent = VehicleGate(GateLimits(thrust=(0.0, 18.0))).check(NOW, action(thrust=-1.0), vehicle())
     assert sent is not None
     assert (sent.thrust, sent.limited) == (0.0, True)
