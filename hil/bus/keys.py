@@ -1,8 +1,8 @@
-"""Who may do what on a closed bus, derived from the contract table: an access-control list for the hub.
+"""What each identity may do on a closed bus, derived from the contract table: an access-control list for the hub.
 
-Each service proves who it is by the common name of its certificate. It may publish what its nodes publish and hear
-what the contract lets them read, and nothing else: the policy's identity cannot read the car's truth, and only the
-gate's process can publish what was sent to the vehicle.
+Each service proves its identity by the common name of its certificate. It may publish what its nodes publish and
+receive what the contract lets them read, and nothing else: the policy's identity cannot read the car's truth, and only
+the gate's process can publish what was sent to the vehicle.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """The hub's table for `services` (service -> its nodes): everything that is not allowed is denied."""
     rules, subjects, policies = [], [], []
 
-    def allow(service: str, publish: list[str], hear: list[str]) -> None:
+    def allow(service: str, publish: list[str], receive: list[str]) -> None:
         for what, message, flow, keys in (
             ("in", "put", "ingress", publish),
-            ("out", "put", "egress", hear),
-            ("sub", "declare_subscriber", "ingress", hear),
-            ("wanted", "declare_subscriber", "egress", publish),  # a publisher that hears of no reader stays silent
+            ("out", "put", "egress", receive),
+            ("sub", "declare_subscriber", "ingress", receive),
+            ("wanted", "declare_subscriber", "egress", publish),  # a publisher that knows of no reader does not publish
         ):
             rules.append(
                 {
@@ -48,11 +48,11 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     for service, nodes in services.items():
         outputs = {topic for node in nodes for topic in published_by(node, present)}
         publish = sorted({TOPIC + t for t in outputs} | {TOPIC + "event", HEALTH + service})
-        hear = sorted({TOPIC + t for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
-        allow(service, publish, hear)
+        receive = sorted({TOPIC + t for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
+        allow(service, publish, receive)
     for observer in OBSERVERS:
-        say = [HEALTH + observer, *([CONTROL, TOPIC + "event"] if observer == "supervisor" else [])]
-        allow(observer, say, [*everything, HEALTH + "*", CONTROL])
+        publish = [HEALTH + observer, *([CONTROL, TOPIC + "event"] if observer == "supervisor" else [])]
+        allow(observer, publish, [*everything, HEALTH + "*", CONTROL])
     return {
         "enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies,
     }  # fmt: skip

@@ -72,7 +72,7 @@ class Node:
 
 
 def routes(nodes: Sequence[Node]) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
-    """Who reads each topic and whom it wakes, as indices into `nodes`."""
+    """Which nodes read each topic and which it wakes, as indices into `nodes`."""
     readers: dict[str, list[int]] = {}
     wakes: dict[str, list[int]] = {}
     for rank, node in enumerate(nodes):

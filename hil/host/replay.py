@@ -1,6 +1,6 @@
-"""Replay: chosen nodes of a recorded run are stepped again with today's code, on exactly what each step consumed then.
+"""Replay: chosen nodes of a recorded run are stepped again with the current code, on what each step consumed then.
 
-A node is stepped at its receipts' times with the messages its receipts name; what it publishes is held against what
+A node is stepped at its receipts' times with the messages its receipts name; what it publishes is compared with what
 the recording has of its topics, message by message and number by number. Nodes that talk to a device over a wire
 cannot be replayed: what came over the wire is not recorded.
 """
@@ -114,7 +114,7 @@ def _assembly(run: Run, policy: str | None) -> tuple[Assembly, Rig]:
         scenario = Scenario.model_validate(manifest["scenario"])
         rig = Rig.model_validate({k: v for k, v in manifest["rig"].items() if k not in ("name", "source")})
     except ValueError as error:
-        raise ReplayError(f"{run.path}: its manifest no longer fits today's scenario or rig: {error}") from None
+        raise ReplayError(f"{run.path}: its manifest fits no current scenario or rig: {error}") from None
     named = manifest["policy"]
     make = policy_factory(policy or named.get("path") or named["name"], load_airframe(rig.vehicle.airframe))
     wires = MemoryWires(rig, lambda: 0)

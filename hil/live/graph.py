@@ -20,7 +20,7 @@ class Declared(NamedTuple):
 
 
 def declare(nodes: Iterable[Node]) -> list[list[Any]]:
-    """The nodes of one service as a table that JSON can carry, for the health that it says."""
+    """The nodes of one service as a table that JSON can carry, for its health."""
     return [[n.name, list(n.inputs), list(n.outputs), list(n.wakes), n.period_ns] for n in nodes]
 
 
@@ -28,5 +28,8 @@ def check_live_graph(health: Mapping[str, Mapping[str, Any]], services: Sequence
     """Raises GraphError if the nodes that `services` have declared in their health do not fit the contract."""
     rows = [row for service in services for row in health.get(service, {}).get("graph", ())]
     check_graph(
-        [Declared(name, tuple(reads), tuple(tells), tuple(wakes), period) for name, reads, tells, wakes, period in rows]
+        [
+            Declared(name, tuple(inputs), tuple(outputs), tuple(wakes), period)
+            for name, inputs, outputs, wakes, period in rows
+        ]
     )

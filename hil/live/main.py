@@ -28,11 +28,11 @@ from hil.recording.recorder import RecordingError
 from hil.wires import WireError
 
 COULD_NOT_RUN = 3
-_PATIENCE_S = 40.0  # more than anybody takes to reach the safe state
+_PATIENCE_S = 40.0  # more than any service takes to reach the safe state
 
 
 def last_resort(patience_s: float = _PATIENCE_S) -> None:
-    """End a process that hangs although its parent has been gone for `patience_s`: nobody is left to do it."""
+    """End a process that hangs although its parent has been gone for `patience_s`: no other process would."""
     parent = os.getppid()
 
     def watch() -> None:

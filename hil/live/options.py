@@ -1,4 +1,4 @@
-"""What may be asked of the live host together; everything is told before a process is started."""
+"""What may be asked of the live host together; checked before a process is started."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What hard ends leave behind in shared memory, and its removal."""
+"""Orphaned shared memory, which killed processes leave behind, and its removal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def mapped_memory(process: int | str = "self") -> set[str]:
 
 
 def remove_orphaned_memory(names: Iterable[str]) -> list[str]:
-    """Those of `names` that are still there although no process holds them any more: removed, and returned."""
+    """Those of `names` that are still there although no process holds them: removed, and returned."""
     left = {name for name in names if (_FOLDER / name).exists()}
     if not left:
         return []

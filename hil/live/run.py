@@ -22,7 +22,7 @@ from hil.live.judge import Ended, judge
 from hil.live.load import load_now
 from hil.live.orphaned import remove_orphaned_memory
 from hil.live.run_clock import clock_lines
-from hil.live.run_events import Ear
+from hil.live.run_events import RunEvents
 from hil.live.spec import LiveSpec
 from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
@@ -58,7 +58,7 @@ def fly_live(
     """Fly one seed in real time. `names`: scenario, rig, policy and camera as the user gave them, for the processes.
 
     Services in `remote` (or the hub) are not started here but awaited; `keys`, a folder of `perch-hil keys`, closes the
-    bus to everybody else; `watch` is called many times a second during the run. An interruption (Ctrl-C) brings
+    bus to all others; `watch` is called many times a second during the run. An interruption (Ctrl-C) brings
     everything to its safe state, closes the recording and is reported in the result. Raises RunError, ProvenanceError
     or SupervisorError if the run cannot take place or cannot be kept: such a run does not take off.
     """
@@ -123,13 +123,13 @@ def _fly(
 ) -> None:
     """Start, watch, and bring down; what happened is noted in `ended`."""
     wanted = list(spec.services(plan.rig))
-    ear: Ear | None = None
+    events: RunEvents | None = None
     try:
         try:
             if "hub" not in remote:
                 supervisor.start("hub")
             bus = supervisor.connect(spec.credentials("supervisor"))
-            ear = Ear(bus, progress)
+            events = RunEvents(bus, progress)
             supervisor.start("recorder")
             for service in wanted:
                 if service not in remote:
@@ -150,10 +150,10 @@ def _fly(
                 for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
                     tell("info", line)
             limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
-            while ear.stage != "ended":
+            while events.stage != "ended":
                 time.sleep(TURN_S)
                 supervisor.beat()
-                ear.listen()
+                events.take()
                 watch(supervisor)
                 stepped = date.text()
                 if stepped:
@@ -161,24 +161,24 @@ def _fly(
                     tell("warning", stepped)
                 ended.trouble = supervisor.trouble()
                 if not ended.trouble and time.monotonic() > limit:
-                    ended.trouble = f"the run did not end in time (stage {ear.stage})"
+                    ended.trouble = f"the run did not end in time (stage {events.stage})"
                 if ended.trouble:
                     break
         except KeyboardInterrupt:
             ended.interrupted = True
         if ended.trouble or ended.interrupted:
-            if ear is not None:
+            if events is not None:
                 bring_down(supervisor, ended)
         elif not plan.rig.simulated:
             await_drivers(supervisor)
-        if ear is not None:
-            ear.listen()
-            ended.stage = ear.stage
-            ended.failure = ear.failure(troubled=bool(ended.trouble))
+        if events is not None:
+            events.take()
+            ended.stage = events.stage
+            ended.failure = events.failure(troubled=bool(ended.trouble))
         ended.after = load_now()
     finally:
-        if ear is not None:
-            ear.close()
+        if events is not None:
+            events.close()
 
 
 def _check_graph(supervisor: Supervisor, wanted: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""What every process of a live run is told: one JSON file. A process builds its nodes from it and nothing else."""
+"""The spec of a live run: one JSON file, from which alone every process builds its nodes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Warming up: every kernel a process will need is compiled, or loaded from the cache, before it says that it is ready.
+"""Warming up: every kernel a process will need is compiled, or loaded from the cache, before it reports ready.
 
-Throw-away copies of its nodes are stepped with plausible messages, on wires in memory. What talks to the vehicle
-rehearses a flight from take-off to touchdown: each phase has kernels of its own, and the first call of one takes as
+Throw-away copies of its nodes are stepped with plausible messages, on wires in memory. The nodes of the vehicle's wire
+rehearse a flight from take-off to touchdown: each phase has kernels of its own, and the first call of one takes as
 long as many control periods.
 """
 
@@ -65,9 +65,9 @@ def _rehearse(assembly: Assembly, clock: Clock) -> None:
             for inbox in inboxes.values():
                 inbox.put("referee/contact", m.Contact(clock.now_ns, "contact", "", True, True, 0, 0, 0, 0, 0))
         for node, inbox in inboxes.items():
-            said = node.step(clock.now_ns, inbox)
+            outs = node.step(clock.now_ns, inbox)
             inbox.clear()
-            if left < 0 and any(out.topic == "vehicle/status" and out.message.phase == "hover" for out in said):
+            if left < 0 and any(out.topic == "vehicle/status" and out.message.phase == "hover" for out in outs):
                 left = _STEPS
         left -= left > 0
     for node in inboxes:

@@ -1,4 +1,4 @@
-"""The wires of a live run: simulated devices behind UDP on this host, real ones where the rig says they are."""
+"""The wires of a live run: simulated devices behind UDP on this host, real ones as the rig names them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Ports(BaseModel):
 
 
 def free_ports() -> Ports:
-    """Ports that nobody uses now."""
+    """Ports that are free now."""
     with socket.socket() as a, socket.socket() as b, socket.socket() as c, socket.socket() as d:
         found: list[int] = []
         for one in (a, b, c, d):
@@ -57,7 +57,7 @@ class LiveWires:
         return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
 
     def vehicle_device(self) -> Any:
-        # as PX4 does: speaks first to a default address, keeps its first partner, hears everybody
+        # as PX4 does: sends first to a default address, keeps its first partner, receives from any sender
         ports = self._ports
         peer = (ports.host, ports.vehicle_link)
         return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", strangers=True))

@@ -11,10 +11,10 @@ _POLL_NS = 2_000_000
 
 
 class CameraDevice(Node):
-    """Passes the newest picture on, from the lead stage on (nobody looks before).
+    """Passes the newest picture on, from the lead stage on (no picture is used before).
 
-    When a device goes away the recording is told, and the next step ends the service: flying on without eyes is
-    nothing to hope for, and every other service then goes to its safe state. The end of a recording is only told.
+    A device that is lost is reported by an event, and the next step ends the service: without pictures the attempt
+    cannot succeed, and every other service then enters its safe state. The end of a recording is only reported.
     """
 
     name = "camera"

@@ -1,4 +1,4 @@
-"""The paper's model camera in place of pictures: visibility gate and observation noise at the scenario's rate."""
+"""The paper's model camera in place of pictures: visibility test and observation noise at the scenario's rate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vehicle.camera.pinhole import board_visibility
 
 
 class CameraModel(Node):
-    """Publishes what a detector would have said, after exposure, transport and detection delays."""
+    """Publishes what a detector would have published, after exposure, transport and detection delays."""
 
     name = "camera"
     inputs = ("truth/vehicle", "truth/board", "run/stage")

@@ -22,7 +22,7 @@ def motion_of(state: VehicleState | BoardState, at_ns: int) -> np.ndarray:
 
 
 class CameraSim(Node):
-    """Renders from the lead stage on (nobody looks before) and stamps each picture with the middle of its exposure."""
+    """Renders from the lead stage on (none is used before) and stamps each picture with the middle of its exposure."""
 
     name = "camera"
     inputs = ("truth/vehicle", "truth/board", "run/stage")

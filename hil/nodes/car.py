@@ -68,7 +68,7 @@ class CarFollower(Node):
 
 
 class CarLink(Node):
-    """The CAN driver with its gate: enables the car, passes fresh commands on, reports what it says and was sent."""
+    """The CAN driver with its gate: enables the car, passes fresh commands on, reports feedback and what was sent."""
 
     name = "car_link"
     inputs = ("car/command",)
@@ -79,7 +79,7 @@ class CarLink(Node):
     def __init__(
         self, link: ScoutLink, gate: CarGate | None = None, stands_for_truth: DeadReckoning | None = None
     ) -> None:
-        """`stands_for_truth`: a real car seen by simulated sensors; they see it where its wheels say it is."""
+        """`stands_for_truth`: a real car seen by simulated sensors; they see it where its wheel odometry puts it."""
         self._link, self._gate, self._truth = link, gate or CarGate(CarGateLimits()), stands_for_truth
         if stands_for_truth is not None:
             self.outputs = (*CarLink.outputs, "truth/board")
@@ -133,7 +133,7 @@ class CarLink(Node):
         return [*outs, Out("car/feedback", self._said)]
 
     def _checked(self, now_ns: int, command: CarCommand, outs: list[Out]) -> CarCommand | None:
-        """What may be sent of `command`; a trip is told once."""
+        """What may be sent of `command`; a trip is reported once."""
         before = self._gate.tripped
         checked = self._gate.check(now_ns, command, self._said)
         if self._gate.tripped and not before:

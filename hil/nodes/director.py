@@ -5,7 +5,7 @@ from __future__ import annotations
 from hil.contract.messages import Contact, Event, Stage, VehicleStatus
 from hil.contract.node import Inbox, Node, Out
 
-_REPEAT_NS = 50_000_000  # a change is told at once, and every stage again and again: a reader may have missed it
+_REPEAT_NS = 50_000_000  # a change is published at once, and every stage again: a reader may have missed it
 _LOST = ("failed", "interrupted", "killed")  # phases of the driver from which no attempt can begin
 
 
@@ -21,7 +21,7 @@ class Director(Node):
         """`lead_ns`: the car drives this long before the attempt; `after_ns`: recorded after the verdict."""
         self._lead_ns, self._limit_ns, self._after_ns = lead_ns, prepare_limit_ns, after_ns
         self._stage = "prepare"
-        self._car_start_ns = self._attempt_ns = self._end_ns = self._tell_ns = 0
+        self._car_start_ns = self._attempt_ns = self._end_ns = self._publish_ns = 0
         self.failure = ""
 
     @property
@@ -39,7 +39,7 @@ class Director(Node):
             elif status and status.phase in _LOST:
                 self._fail(f"the vehicle did not reach its start ({status.phase}): see the last events")
             elif now_ns > self._limit_ns:
-                phase = status.phase if status else "silent"
+                phase = status.phase if status else "unknown"
                 self._fail(f"the vehicle was not hovering at its start after {now_ns / 1e9:.0f} s (phase {phase})")
         if self._stage == "lead":
             status = inbox.latest("vehicle/status")
@@ -55,8 +55,8 @@ class Director(Node):
                     self._stage = "ended"
         if self._stage != before:
             outs.append(Out("event", Event(now_ns, "error" if self.failure else "info", self.name, self._text())))
-        if self._stage != before or now_ns >= self._tell_ns:
-            self._tell_ns = now_ns + _REPEAT_NS
+        if self._stage != before or now_ns >= self._publish_ns:
+            self._publish_ns = now_ns + _REPEAT_NS
             outs.append(Out("run/stage", Stage(now_ns, self._stage, self._attempt_ns, self._car_start_ns)))
         return outs
 

@@ -28,7 +28,7 @@ class MocapWire(Protocol):
 
 
 class MocapDevice(Node):
-    """Publishes each pose as it comes. A system that goes away ends the service, and with it the attempt."""
+    """Publishes each pose as it comes. A system that is lost ends the service, and with it the attempt."""
 
     name = "mocap"
     inputs = ("run/stage",)
@@ -37,7 +37,7 @@ class MocapDevice(Node):
     period_ns = _POLL_NS
 
     def __init__(self, wire: MocapWire, vehicle: str, board: str) -> None:
-        """`vehicle` and `board`: how the system calls the two bodies."""
+        """`vehicle` and `board`: the names of the two bodies in the system."""
         self._wire = wire
         self._motions = {vehicle: BodyMotion(), board: BodyMotion()}
         self._vehicle = vehicle
@@ -77,7 +77,7 @@ class MocapDevice(Node):
         return Out("mocap/board", board_state(stamp, pose.position, velocity, pose.orientation, turn_rate))
 
     def _watch(self, now_ns: int) -> list[Out]:
-        """Tell when a body is hidden and when it is back."""
+        """Report when a body is hidden and when it is back."""
         outs = []
         for body, seen_ns in self._seen_ns.items():
             hidden = now_ns - seen_ns > _HIDDEN_NS

@@ -8,7 +8,7 @@ from policies.task.interface import FlyingPolicy
 
 
 class PolicyNode(Node):
-    """Steps a policy whenever a new belief arrives during the attempt; before that it does not exist.
+    """Steps a policy whenever a new belief arrives during the attempt; before that it is not stepped.
 
     A picture is not kept waiting for the next control tick.
     """

@@ -25,7 +25,7 @@ GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
 
 
 class VehicleLink(Node):
-    """Driver and gate in one node: nothing can come between the last check and the wire."""
+    """Driver and gate in one node: nothing comes between the last check and the wire."""
 
     name = "vehicle_link"
     inputs = ("policy/action", "referee/contact")
@@ -41,7 +41,7 @@ class VehicleLink(Node):
         external_pose: bool = False,
         virtual_board: bool = False,
     ) -> None:
-        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where the autopilot says it is.
+        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where its odometry puts it.
         `external_pose`: what motion capture sees of the vehicle is passed on to the autopilot's estimator.
         `virtual_board`: a real vehicle perches on a board that is not there, and would fall if its motors stopped."""
         self._link, self._gate, self._truth, self._external = link, gate, stands_for_truth, external_pose
@@ -53,7 +53,7 @@ class VehicleLink(Node):
         self._odometry: VehicleState | None = None
         self._status_ns = -STATUS_PERIOD_NS
         self._phase = ""
-        self._told: dict[str, float] = {}
+        self._published: dict[str, float] = {}
         self._aborted = False
 
     def abort(self, why: str) -> None:
@@ -63,7 +63,7 @@ class VehicleLink(Node):
 
     @property
     def safe(self) -> bool:
-        """On the ground or perched, as far as the autopilot has said."""
+        """On the ground or perched, as far as the autopilot has reported."""
         return self._link.phase in GROUND_PHASES or not self._link.armed
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
@@ -99,9 +99,9 @@ class VehicleLink(Node):
         if phase == self._phase or phase in ("connect", "parameters"):
             return []
         held = self._link.parameters
-        if not held or held == self._told:
+        if not held or held == self._published:
             return []
-        self._told = held
+        self._published = held
         return [Out("vehicle/parameters", VehicleParameters(now_ns, tuple(held), tuple(held.values())))]
 
     def _checked(self, now_ns: int, action: Action | None) -> tuple[Rates | None, Sent | None, str]:
@@ -161,7 +161,7 @@ class VehicleDevice(Node):
 
     @property
     def safe(self) -> bool:
-        """Nothing flies any more: until then its driver needs it."""
+        """Whether it is disarmed: until then its driver needs it."""
         return not self._sim.truth().armed
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:

@@ -142,7 +142,7 @@ def test_a_port_in_use_is_named():
 
 @pytest.mark.parametrize(
     ("can_id", "ok", "told"),
-    [(0x221, True, "protocol V2"), (0x151, False, "speaks protocol V1"), (0x7AB, False, "1 other identifiers")],
+    [(0x221, True, "protocol V2"), (0x151, False, "uses protocol V1"), (0x7AB, False, "1 other identifiers")],
 )
 def test_a_car_is_recognised_by_what_it_sends(can_id, ok, told):
     channel = f"reach-{can_id:x}"

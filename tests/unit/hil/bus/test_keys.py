@@ -27,14 +27,14 @@ def test_everything_not_allowed_is_denied():
 
 
 @pytest.mark.parametrize("kind", ["out", "sub"])
-def test_the_policys_identity_cannot_hear_the_cars_truth(kind):
+def test_the_policys_identity_cannot_receive_the_cars_truth(kind):
     _, keys = rules()
     assert {TOPIC + "belief", TOPIC + "vehicle/odometry"} <= keys[f"brain-{kind}"]
     assert not {TOPIC + "truth/board", TOPIC + "mocap/board", TOPIC + "car/command"} & keys[f"brain-{kind}"]
     assert not any("*" in key for key in keys[f"brain-{kind}"])
 
 
-def test_only_the_policy_commands_and_only_the_gate_says_what_was_sent():
+def test_only_the_policy_commands_and_only_the_gate_publishes_what_was_sent():
     _, keys = rules()
     for topic, service in (("policy/action", "brain"), ("vehicle/sent", "vehicle_link"), ("car/command", "car")):
         assert [name for name, allowed in keys.items() if name.endswith("-in") and TOPIC + topic in allowed] == [

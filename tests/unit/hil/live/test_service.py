@@ -23,10 +23,10 @@ class Fake(Node):
     """A node that notes when and why it was stepped."""
 
     name, inputs, outputs, wakes = "policy", ("belief", "run/stage"), ("policy/action",), ("belief",)
-    safe = True
 
     def __init__(self, period_ns=0, wire=None):
         self.period_ns, self.steps, self.aborts, self._wire = period_ns, [], [], wire
+        self.at_rest = True
 
     def step(self, now_ns, inbox):
         self.steps.append((now_ns, len(inbox.new("belief")), len(inbox.new("run/stage"))))
@@ -34,6 +34,10 @@ class Fake(Node):
             with contextlib.suppress(BlockingIOError):
                 self._wire.recv(100)
         return [Out("policy/action", m.Action(now_ns, False, (0.0, 0.0, 0.0), 9.81, "hold", 0, 9.81))]
+
+    @property
+    def safe(self):
+        return self.at_rest
 
     def abort(self, why):
         self.aborts.append(why)
@@ -44,7 +48,7 @@ class Service:
 
     def __init__(self, node, endpoint, **more):
         self.bus, self.supervisor, self.health = Bus(endpoint), Bus(endpoint), []
-        self.supervisor.hear(HEALTH + "brain", self.health.append)
+        self.supervisor.on_table(HEALTH + "brain", self.health.append)
         self.live = LiveService("brain", [node], self.bus, RunTime(self.bus.clock()), **more)
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.thread.start()
@@ -56,7 +60,7 @@ class Service:
         self.live.close()
 
     def order(self, **table):
-        self.supervisor.say(CONTROL, table)
+        self.supervisor.send_table(CONTROL, table)
 
     def go(self):
         self.order(order="go", epoch_ns=time.monotonic_ns())
@@ -140,7 +144,7 @@ class Slow(Fake):
         return super().step(now_ns, inbox)
 
 
-def test_who_cannot_keep_his_period_still_hears_and_answers(start):
+def test_a_node_that_cannot_keep_its_period_still_receives_and_publishes(start):
     node = Slow(period_ns=1_000_000)
     service = start(node)
     service.go()
@@ -165,7 +169,7 @@ def test_an_abort_reaches_every_node_once(start, capfd):
     assert "brain: safe at the end" in capfd.readouterr().out
 
 
-def test_who_hears_nothing_any_more_makes_safe_and_ends_by_himself(start, capfd):
+def test_a_service_without_orders_makes_safe_and_ends_by_itself(start, capfd):
     now = [time.monotonic_ns()]
     presence = Presence(clock=lambda: now[0], parent=os.getppid)
     node = Fake()
@@ -176,19 +180,19 @@ def test_who_hears_nothing_any_more_makes_safe_and_ends_by_himself(start, capfd)
     assert not service.thread.is_alive()
     assert service.live.lost
     assert len(node.aborts) == 1
-    assert "silent for 10.0 s" in node.aborts[0]
+    assert "nothing received from supervisor and hub for 10.0 s" in node.aborts[0]
 
 
-def test_who_is_not_safe_stays_a_while(start):
+def test_a_service_that_is_not_safe_stays_for_a_while(start):
     now = [time.monotonic_ns()]
     node = Fake()
-    node.safe = False
+    node.at_rest = False
     service = start(node, presence=Presence(clock=lambda: now[0], parent=os.getppid))
     service.go()
     now[0] += 10_000_000_000
     until(lambda: node.aborts)
     service.thread.join(2.0)
     assert service.thread.is_alive()
-    node.safe = True
+    node.at_rest = True
     service.thread.join(LIMIT_S)
     assert not service.thread.is_alive()

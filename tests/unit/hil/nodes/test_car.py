@@ -56,7 +56,7 @@ def drive(speed, turn_rate=0.0):
     return lambda now: CarCommand(now, speed, turn_rate)
 
 
-def test_what_was_really_sent_is_told():
+def test_what_was_really_sent_is_published():
     car = Car(speed=1.0).run(1.0, drive(0.0)).run(2.0, drive(2.0, 0.3))
     assert {(c.speed, c.turn_rate) for c in car.sent[-50:]} == {(1.0, 0.3)}
     assert car.feedback[-1].speed == pytest.approx(1.0, abs=0.15)
@@ -65,7 +65,7 @@ def test_what_was_really_sent_is_told():
     assert car.sent == [], "no command, nothing sent"
 
 
-def test_a_trip_silences_the_bus_for_good_so_that_the_car_stops_itself():
+def test_nothing_is_sent_after_a_trip_so_that_the_car_stops_itself():
     car = Car().run(1.0, drive(0.0)).run(1.5, drive(1.5))
     assert car.feedback[-1].speed > 1.0
     car.run(0.02, drive(math.nan))
@@ -79,7 +79,7 @@ def test_a_trip_silences_the_bus_for_good_so_that_the_car_stops_itself():
     assert next(e for e in car.events if "tripped" in e.text).severity == "error"
 
 
-def test_a_car_that_falls_silent_is_sent_nothing_more_when_it_is_back():
+def test_a_car_without_feedback_is_sent_nothing_more_when_it_is_back():
     car = Car().run(1.0, drive(0.0)).run(1.0, drive(0.5))
     car.alive = False
     car.run(0.8, drive(0.5))

@@ -51,7 +51,7 @@ class Rig:
         return {topic: [out.message for out in outs if out.topic == topic] for topic in self.node.outputs}
 
 
-def test_parameters_are_told_once_they_are_read():
+def test_parameters_are_published_once_they_are_read():
     rig = Rig()
     told = []
     for phase in ("connect", "parameters", "streams", "streams", "ready", "arm"):
@@ -69,14 +69,14 @@ def contact(outcome, attached=False):
     return "referee/contact", Contact(NOW, outcome, "", attached, attached, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_command_goes_out_and_what_went_out_is_told():
+def test_a_command_is_sent_and_what_was_sent_is_published():
     rig = Rig()
     (sent,) = rig.step(NOW, action())["vehicle/sent"]
     assert rig.link.commands[-1] == Rates((0.1, 0.2, 0.3), 9.0)
     assert (sent.body_rate, sent.thrust, sent.thrust_normalised, sent.limited) == ((0.1, 0.2, 0.3), 9.0, 0.5, False)
 
 
-def test_what_the_gate_clips_is_what_goes_out():
+def test_what_the_gate_clips_is_what_is_sent():
     rig = Rig()
     (sent,) = rig.step(NOW, action(rate=(9.0, 0.0, 0.0)))["vehicle/sent"]
     assert rig.link.commands[-1] == Rates((4.0, 0.0, 0.0), 9.0)
@@ -97,7 +97,7 @@ def test_only_the_newest_command_counts():
     assert rig.link.commands[-1] == Rates((2.0, 0.0, 0.0), 9.0)
 
 
-def test_a_trip_silences_the_wire_for_good_and_says_so_once():
+def test_nothing_is_sent_after_a_trip_which_is_reported_once():
     rig = Rig()
     outs = rig.step(NOW, action(rate=(math.nan, 0.0, 0.0)))
     assert rig.link.commands[-1] is None
@@ -126,7 +126,7 @@ def test_after_the_verdict_the_motors_stop_on_the_board_and_land_elsewhere(verdi
     assert set(rig.link.calls) == {call}
 
 
-def test_on_a_board_that_is_not_there_the_motors_go_on():
+def test_the_motors_go_on_after_contact_with_a_virtual_board():
     rig = Rig(virtual_board=True)
     rig.step(NOW, contact("success", attached=True))
     assert set(rig.link.calls) == {"release"}
