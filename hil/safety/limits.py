@@ -5,6 +5,9 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 Range = tuple[float, float]  # lower, upper
+# A stamp later than now by more than this is broken data. The clocks of an autopilot and of other hosts are known to a
+# few milliseconds only.
+CLOCK_ERROR_NS = 5_000_000
 
 
 class GateLimits(BaseModel):

@@ -85,6 +85,9 @@ def test_a_command_that_is_not_finite_trips(bad, field):
         (vehicle(velocity=(0.0, math.inf, 0.0)), "odometry is not finite"),
         (replace(vehicle(), orientation=(math.nan, 0.0, 0.0, 0.0)), "odometry is not finite"),
         (replace(vehicle(), body_rate=(0.0, 0.0, math.nan)), "odometry is not finite"),
+        (vehicle(age_ms=-5.1), "odometry is stamped 5.1 ms later than now"),
+        (vehicle(age_ms=-3_600_000.0), "odometry is stamped 3600000.0 ms later than now"),
+        (replace(vehicle(), orientation=(0.0, 0.0, 0.0, 0.0)), "odometry has no unit quaternion"),
     ],
 )
 def test_a_vehicle_that_must_not_fly_on_trips_and_the_trip_latches(state, reason):
@@ -102,6 +105,44 @@ def test_a_vehicle_that_has_not_seen_the_board_for_seconds_does_not_fly_on():
     assert gate.check(NOW, action(seen_ms=3060.0), vehicle()) is None
     assert gate.tripped == "board not seen for 3.1 s, limit 3"
     assert gate.check(NOW, action(), vehicle()) is None, "the trip latches"
+
+
+@pytest.mark.parametrize("seen_ms", [-5.1, -3_600_000.0])
+def test_gate_trips_on_a_picture_stamped_later_than_now(seen_ms):
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(seen_ms=seen_ms), vehicle()) is None
+    assert gate.tripped == f"the command's picture is stamped {-seen_ms:.1f} ms later than now"
+
+
+def test_stamps_within_the_error_of_clocks_pass():
+    assert VehicleGate(LIMITS).check(NOW, action(seen_ms=-4.9), vehicle(age_ms=-4.9)) is not None
+
+
+@pytest.mark.parametrize(
+    ("moved", "angle", "after_ms", "reason"),
+    [
+        (24.0, 0.0, 10.0, "odometry jumped by 24.00 m within 10 ms"),
+        (0.59, 0.0, 10.0, "odometry jumped by 0.59 m within 10 ms"),
+        (0.57, 0.0, 10.0, ""),  # 8 m/s for 10 ms, and 0.5 m
+        (1.2, 0.0, 100.0, ""),
+        (0.0, 0.63, 10.0, "odometry turned by 0.63 rad within 10 ms"),
+        (0.0, 0.61, 10.0, ""),  # 12 rad/s for 10 ms, and 0.5 rad
+        (0.0, math.pi, 10.0, "odometry turned by 3.14 rad within 10 ms"),
+    ],
+)
+def test_gate_trips_on_odometry_that_moves_faster_than_the_vehicle_can(moved, angle, after_ms, reason):
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(), vehicle(age_ms=after_ms)) is not None
+    turned = (math.cos(angle / 2), 0.0, math.sin(angle / 2), 0.0)
+    sent = gate.check(NOW, action(), replace(vehicle((moved, 0.0, 2.0), age_ms=0.0), orientation=turned))
+    assert (sent is None) == bool(reason)
+    assert gate.tripped == reason
+
+
+def test_the_sign_of_a_quaternion_is_no_jump():
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(), vehicle()) is not None
+    assert gate.check(NOW, action(), replace(vehicle(age_ms=0.0), orientation=(-1.0, 0.0, 0.0, 0.0))) is not None
 
 
 def test_limits_themselves_are_allowed():
