@@ -115,12 +115,18 @@ class Bus:
         )  # fmt: skip
 
     def on_table(self, key: str, take: Callable[[dict[str, Any]], None]) -> None:
-        """Call `take` (which must only store) with every table sent on `key`; what is no table is ignored."""
+        """Call `take` (which must only store) with every table sent on `key`; what is no table is ignored.
+
+        The "service" of a health is the one of its key, which a closed bus checks, whatever the table says.
+        """
 
         def parse(sample: zenoh.Sample) -> None:
             with suppress(ValueError):
                 table = json.loads(sample.payload.to_bytes())
                 if isinstance(table, dict):
+                    came_on = str(sample.key_expr)
+                    if came_on.startswith(HEALTH):
+                        table["service"] = came_on.removeprefix(HEALTH)
                     take(table)
 
         self._listen(key, parse)

@@ -77,7 +77,7 @@ class Supervisor:
 
     def _note(self, table: dict[str, Any]) -> None:
         self.health[str(table.get("service"))] = {**table, "received_ns": time.monotonic_ns()}
-        self.memory.update(table.get("memory", ()))
+        self.memory.update(name for name in table.get("memory", ()) if isinstance(name, str))
 
     def wait_ready(
         self, services: Iterable[str], limit_s: float = READY_LIMIT_S, waiting: Callable[[list[str]], None] = print

@@ -177,8 +177,9 @@ def test_a_hub_that_cannot_start_is_named(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no /dev/shm")
-def test_only_memory_that_no_process_holds_is_removed():
+def test_only_memory_of_the_bus_that_no_process_holds_is_removed(tmp_path):
     orphan, held = Path(f"/dev/shm/{os.getpid()}1.zenoh"), Path(f"/dev/shm/{os.getpid()}2.zenoh")
+    outside = tmp_path / "outside.zenoh"
     holder = None
     try:
         for path in (orphan, held):
@@ -192,8 +193,11 @@ def test_only_memory_that_no_process_holds_is_removed():
         assert holder.stdout is not None
         holder.stdout.readline()
         assert mapped_memory(holder.pid) == {held.name}
-        assert remove_orphaned_memory([orphan.name, held.name, "gone.zenoh"]) == [orphan.name]
+        outside.write_bytes(b"not of the bus")
+        paths = [f"../..{outside}", str(outside), "../shm/" + held.name]
+        assert remove_orphaned_memory([*paths, orphan.name, held.name, "gone.zenoh"]) == [orphan.name]
         assert held.exists()
+        assert outside.exists(), "a path in a health leads nowhere"
         assert not orphan.exists()
     finally:
         if holder is not None:
