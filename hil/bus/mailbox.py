@@ -15,6 +15,8 @@ from hil.contract.topics import TOPICS
 
 PICTURES = "camera/image"
 STAMP = struct.Struct("<qQ")  # beside every payload: time of publication by the run's clock (ns), running number
+_NUMBER_LIMIT = 1 << 32  # a message numbered higher is garbage: 500 Hz reach it after 99 days
+_GAP_LIMIT = 1 << 16  # more numbers missing at once than any topic has in the time after which a run is aborted
 _DEPTH = 256  # messages kept of a topic while its reader is busy; pictures: the newest only
 
 
@@ -108,6 +110,9 @@ class Mailbox:
             self.garbage += 1
             return None
         gap = sequence - self._expected.get(topic, sequence)
+        if sequence >= _NUMBER_LIMIT or gap > _GAP_LIMIT:
+            self.garbage += 1
+            return None
         thinned = topic == PICTURES and self._picture_period_ns > 0
         if gap > 0 and topic != "event" and not thinned:  # events have several publishers
             self.lost[topic] = self.lost.get(topic, 0) + gap

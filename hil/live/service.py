@@ -108,6 +108,7 @@ class LiveService:
                 if order.get("order") == "go":
                     self._time.begin(int(order["epoch_ns"]))
             if self._time.begun:
+                self._wait_for_start()
                 self._mailbox.drain()
                 self._mailbox.lost.clear()
                 return True
@@ -115,6 +116,11 @@ class LiveService:
                 self._gone = True
                 return False
         return False
+
+    def _wait_for_start(self) -> None:
+        """Until the run's time is 0: no node is stepped at a negative time, whatever arrives before."""
+        while not self._stop and self._now() < 0:
+            self._mailbox.wait(-self._now())
 
     def run(self) -> None:
         """Step the nodes from the run's start until stopped, aborted or orphaned."""

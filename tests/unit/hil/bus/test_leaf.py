@@ -7,6 +7,7 @@ import pytest
 import zenoh
 
 from hil.bus.leaf import HEALTH, TOPIC, Bus, BusError, Mailbox, open_hub
+from hil.bus.mailbox import STAMP
 from hil.contract import messages as m
 from hil.contract.codec import encode
 
@@ -141,7 +142,7 @@ def test_garbage_on_a_topic_is_counted_not_delivered(endpoint):
     mailbox.close()
 
 
-def test_tables_of_the_harness_go_by_their_key(endpoint):
+def test_a_health_is_of_the_service_whose_key_it_came_on(endpoint):
     heard = []
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.on_table(HEALTH + "*", heard.append)
@@ -149,10 +150,10 @@ def test_tables_of_the_harness_go_by_their_key(endpoint):
         while not heard and time.monotonic() < until:
             a._session.put(HEALTH + "x", b"no json")
             a._session.put(HEALTH + "x", b"[1]")
-            a.send_table(HEALTH + "x", {"service": "x"})
+            a.send_table(HEALTH + "x", {"service": "vehicle_link", "safe": True})
             time.sleep(0.02)
     assert heard
-    assert all(table == {"service": "x"} for table in heard)
+    assert all(table == {"service": "x", "safe": True} for table in heard), "the key names the service, not the table"
 
 
 def test_one_machine_has_one_clock(endpoint):
@@ -233,6 +234,15 @@ def test_missing_numbers_are_counted():
         put(mailbox, "belief", number, belief(number))
     mailbox.drain()
     assert mailbox.lost == {"belief": 5}
+
+
+@pytest.mark.parametrize("wild", [2**63, 2**64 - 1, 2**32, 70_000])
+def test_a_number_that_cannot_be_is_garbage_and_the_next_message_counts(wild):
+    mailbox = Mailbox()
+    for number in (0, wild, 1):
+        mailbox.put("belief", encode(belief(number % 1000)), STAMP.pack(0, number))
+    assert [delivery.sequence for delivery in mailbox.drain()] == [0, 1]
+    assert (mailbox.garbage, mailbox.lost) == (1, {})
 
 
 def test_topics_keep_their_common_order():

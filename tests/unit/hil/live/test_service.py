@@ -126,6 +126,15 @@ def test_what_comes_on_a_wire_wakes_its_driver_whatever_its_period(start, monkey
     there.close()
 
 
+def test_a_message_between_go_and_start_steps_no_node(start):
+    node = Fake()
+    service = start(node)
+    service.order(order="go", epoch_ns=time.monotonic_ns() + 1_000_000_000)
+    belief = m.Belief(1, True, (0.0, 0.0, 1.5), 0.0, 1.0, 0.0, 0.5, 1.0, 1, 1, 0, (1.0,), 0.0, 1, 0.01)
+    until(lambda: node.steps, lambda: service.supervisor.publish(-1, "belief", belief))
+    assert all(now_ns >= 0 for now_ns, _, _ in node.steps)
+
+
 def test_without_a_wire_a_node_that_goes_by_time_is_stepped_at_its_deadlines(start):
     node = Fake(period_ns=20_000_000)
     node.wakes = ()
