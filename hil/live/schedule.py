@@ -15,8 +15,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hil.bus.mailbox import Delivery
+from hil.contract.codec import CodecError
 from hil.contract.node import Inbox, Node, Out, routes
 from hil.recording.receipts import ReceiptBook
+from hil.recording.recorder import RecordingError
 
 LATE_NS = 2_000_000  # a step that begins this long after its deadline is late
 WIRE_PERIOD_NS = 10_000_000
@@ -77,6 +79,7 @@ class Schedule:
         self._delayed: list[tuple[int, int, Out]] = []
         self._ticks: list[tuple[int, int]] = []
         self._serial = 0
+        self.receipts_lost = ""
 
     @property
     def nodes(self) -> list[Node]:
@@ -153,8 +156,16 @@ class Schedule:
                 heapq.heappush(self._delayed, (now_ns + out.delay_ns, self._serial, out))
             else:
                 self._publish(out)
-        if self._book is not None:  # last: no node waits for it
-            self._book.add(one.node.name, now_ns, consumed)
+        self._add_receipt(one.node.name, now_ns, consumed)  # last: no node waits for it
+
+    def _add_receipt(self, node: str, now_ns: int, consumed: list[int]) -> None:
+        """Nodes are stepped on when receipts cannot be written: `receipts_lost` then holds the cause."""
+        if self._book is None or self.receipts_lost:
+            return
+        try:
+            self._book.add(node, now_ns, consumed)
+        except (RecordingError, CodecError) as error:
+            self.receipts_lost = str(error)
 
     def _publish(self, out: Out) -> None:
         self._put(out.topic, out.message, self._bus_publish(out.topic, out.message))
@@ -171,4 +182,7 @@ class Schedule:
         for one in self._scheduled:
             one.node.close()
         if self._book is not None:
-            self._book.close()
+            try:
+                self._book.close()
+            except OSError as error:
+                self.receipts_lost = self.receipts_lost or f"closing the receipts failed: {error.strerror}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from typing import Any
 
 from hil.assembly.simulation import counters
@@ -155,6 +155,8 @@ class LiveService:
     def _check(self, now_ns: int) -> None:
         self._time.tick()
         self._publish_health(now_ns, "aborted" if self._abort_ns is not None else "running")
+        if self._schedule.receipts_lost:
+            self._report_once(now_ns, "warning", f"this run cannot be replayed: {self._schedule.receipts_lost}")
         for text in self._trouble():
             self._report_once(now_ns, "error", text)
         for text in self._time.remarks():
@@ -168,9 +170,14 @@ class LiveService:
         """Bring what every node drives to its safe state."""
         if self._abort_ns is None:
             self._abort_ns, self._why = self._now(), why
-            print(f"{self.name}: aborted at {self._abort_ns / 1e9:.3f} s: {why}", flush=True)
+            self._log(f"aborted at {self._abort_ns / 1e9:.3f} s: {why}")
         for node in self._schedule.nodes:
             node.abort(why)
+
+    def _log(self, text: str) -> None:
+        """A line in the service's log. A full disk keeps no node from its safe state."""
+        with suppress(OSError):
+            print(f"{self.name}: {text}", flush=True)
 
     def _nodes_safe(self) -> bool:
         return all(node.safe for node in self._schedule.nodes)
@@ -225,7 +232,7 @@ class LiveService:
     def close(self) -> None:
         """Publish the last health, then close the nodes. The bus belongs to the caller."""
         if self._abort_ns is not None:
-            print(f"{self.name}: {'safe' if self._nodes_safe() else 'NOT SAFE'} at the end", flush=True)
+            self._log(f"{'safe' if self._nodes_safe() else 'NOT SAFE'} at the end")
         self._publish_health(self._now() if self._time.begun else 0, "stopped")
         self._schedule.close()
         self._mailbox.close()

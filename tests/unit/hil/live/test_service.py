@@ -1,6 +1,7 @@
 """One process of a live run: what wakes a node, what it tells, how it ends."""
 
 import contextlib
+import errno
 import os
 import socket
 import threading
@@ -8,12 +9,13 @@ import time
 
 import pytest
 
-from hil.bus.leaf import CONTROL, HEALTH, Bus, open_hub
+from hil.bus.leaf import CONTROL, HEALTH, Bus, Mailbox, open_hub
 from hil.contract import messages as m
 from hil.contract.node import Node, Out
 from hil.live.liveness import Presence
 from hil.live.run_clock import RunTime
 from hil.live.service import LiveService
+from hil.recording.recorder import RecordingError
 from tests.unit.hil.bus.test_leaf import free_endpoint
 
 LIMIT_S = 10.0
@@ -162,6 +164,32 @@ def test_a_node_that_cannot_keep_its_period_still_receives_and_publishes(start):
     service.health.clear()
     until(lambda: len(service.health) >= 2)
     assert service.health[-1]["nodes"]["policy"]["missed"] > 0
+
+
+class FullDisk:
+    """A receipt book on a disk that is full from the first step on."""
+
+    def add(self, node, now_ns, consumed):
+        raise RecordingError("writing receipts to receipts.mcap failed: No space left on device")
+
+    def close(self):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_service_steps_on_and_makes_safe_when_receipts_cannot_be_written(start):
+    node, events = Fake(period_ns=20_000_000), Mailbox()
+    service = start(node, book=FullDisk())
+    service.supervisor.subscribe("supervisor", ["event"], events)
+    service.go()
+    until(lambda: len(node.steps) > 10)
+    texts = []
+    until(lambda: texts, lambda: texts.extend(one.message.text for one in events.drain()))
+    assert texts == ["this run cannot be replayed: writing receipts to receipts.mcap failed: No space left on device"]
+    service.order(order="abort", why="mocap was killed")
+    until(lambda: node.aborts)
+    service.end()  # closing the book fails too, and the thread still ends
+    service.end = lambda: None
+    events.close()
 
 
 def test_an_abort_reaches_every_node_once(start, capfd):
