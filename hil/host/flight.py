@@ -15,6 +15,7 @@ from hil.assembly.simulation import build, counters
 from hil.contract.graph import check_graph
 from hil.contract.messages import Event, Stage
 from hil.host.lockstep import Clock, Lockstep, Tap
+from hil.host.space import check_space
 from hil.recording.foxglove import FoxgloveView
 from hil.recording.provenance import Code
 from hil.recording.receipts import ReceiptBook, Receipted
@@ -106,6 +107,7 @@ def fly(
     clock = Clock()
     simulation = build(scenario, rig, drawn, policy, clock)
     check_graph(simulation.nodes)
+    check_space(out, pictures)
     run = new_run(
         out,
         scenario={**scenario.model_dump(mode="json"), "name": scenario.name},

@@ -16,6 +16,7 @@ from hil.bus.leaf import Bus
 from hil.contract.graph import GraphError
 from hil.contract.messages import Event
 from hil.host.flight import Flight
+from hil.host.space import check_space
 from hil.live.ending import TURN_S, await_drivers, bring_down
 from hil.live.graph import check_live_graph
 from hil.live.judge import Ended, judge
@@ -62,6 +63,7 @@ def fly_live(
     everything to its safe state, closes the recording and is reported in the result. Raises RunError, ProvenanceError
     or SupervisorError if the run cannot take place or cannot be kept: such a run does not take off.
     """
+    check_space(out, pictures)
     run = new_run(
         out,
         scenario={**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name},
@@ -101,9 +103,15 @@ def fly_live(
         leaked = remove_orphaned_memory(supervisor.memory)
         score, table = judge(run, plan, seed, ended)
         table["shared_memory_removed"] = len(leaked)
-        write_json(run.path / "live.json", table)
-        run.write_score(score.as_dict())
-        run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall)
+        for write in (
+            lambda: run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall),
+            lambda: write_json(run.path / "live.json", table),
+            lambda: run.write_score(score.as_dict()),
+        ):
+            try:
+                write()
+            except OSError as error:  # a full disk: what is told of the run stands all the same
+                ended.trouble = ended.trouble or f"{run.path} cannot be written: {error.strerror}"
     counters: dict[str, int] = {}
     for one in ended.health.values():
         for name, count in one.get("counters", {}).items():
