@@ -11,7 +11,7 @@ from hil.check.judge import Reading
 from hil.check.registry import check
 from hil.contract.messages import Action, VehicleState
 from hil.recording.autopilot_parameters import changes, last_flight
-from hil.safety.gate import Gate
+from hil.safety.vehicle_gate import VehicleGate
 from vehicle.px4 import protocol as px4
 
 _NO_READING = 65535
@@ -179,7 +179,7 @@ def fence(context: Context) -> Reading:
 
 
 def _trips(limits, place: list[float]) -> str:
-    gate = Gate(limits)
+    gate = VehicleGate(limits)
     x, y, z = place
     still, level = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     gate.check(0, Action(0, True, still, _GRAVITY, "", 0, 1.0), VehicleState(0, (x, y, z), still, level, still))

@@ -44,12 +44,12 @@ def keys(
 
     Give a host ca.crt and the .crt and .key of what it runs; keep ca.key away from all of them.
     """
+    from hil.assembly.node_table import SERVICES
     from hil.bus.certificates import DAYS, KeysError, make_keys
     from hil.bus.leaf import OBSERVERS
-    from hil.live.spec import GROUPS
 
     try:
-        files = make_keys(folder, ["hub", *OBSERVERS, *GROUPS], host or ())
+        files = make_keys(folder, ["hub", *OBSERVERS, *SERVICES], host or ())
     except KeysError as error:
         raise fail(str(error)) from None
     print(f"{len(files)} files in {folder}, valid for {DAYS} days: perch-hil run SCENARIO --live --keys {folder}")
@@ -64,18 +64,18 @@ def hub(
     rig: Annotated[str, typer.Option(help="with --keys: whose services are let in, and what each may read")] = "sim",
 ) -> None:
     """Serve the bus until Ctrl-C. Without --keys everybody who can reach the port can use it."""
+    from hil.assembly.node_table import service_nodes
     from hil.assembly.rig import load_rig
     from hil.bus.keys import access_control
     from hil.bus.leaf import BusError
     from hil.live.hub import serve_hub
     from hil.live.options import check_endpoint, check_identities
-    from hil.live.spec import services
 
     endpoint = listen or _default_endpoint(keys)
     try:
         check_endpoint(endpoint, keys)
         check_identities(keys, ["hub"])
-        access = access_control(services(load_rig(rig))) if keys is not None else None
+        access = access_control(service_nodes(load_rig(rig))) if keys is not None else None
         print(f"hub on {endpoint}, end it with Ctrl-C", file=sys.stderr)
         serve_hub(endpoint, _credentials(keys, "hub"), access, with_parent=False)
     except ValueError as error:

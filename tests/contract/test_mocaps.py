@@ -85,7 +85,7 @@ def test_the_node_publishes_states_with_the_motion_it_measured(server):
     assert sorted(b.speed for b in board)[len(board) // 2] == pytest.approx(2.0, abs=0.6)
     assert board[-1].heading == pytest.approx(0.0, abs=1e-6)
     assert [v.stamp_ns for v in vehicle] == sorted(v.stamp_ns for v in vehicle)
-    assert node.rejected == 0
+    assert node.counters["poses of motion capture rejected"] == 0
 
 
 def test_a_server_that_does_not_answer_or_lacks_a_body_is_told_before_anything_arms(server):
@@ -159,14 +159,14 @@ def test_a_hidden_body_is_told_once_and_so_is_its_return():
         ("warning", '"quad" is hidden from motion capture'),
         ("info", '"quad" is seen again'),
     ]
-    assert node.hidings == 1
+    assert node.counters["times a body was hidden from motion capture"] == 1
 
 
 def test_garbage_is_counted_and_not_passed_on():
     wire, node = fake()
     wire.poses = [BodyPose("quad", 2 * MS, (math.nan, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))]
     assert step(node, 10 * MS) == []
-    assert node.rejected == 1
+    assert node.counters["poses of motion capture rejected"] == 1
 
 
 def test_a_lost_system_is_told_and_then_ends_the_service():
@@ -174,6 +174,6 @@ def test_a_lost_system_is_told_and_then_ends_the_service():
     wire.lost = "motion capture at here is silent"
     (out,) = step(node, 10 * MS)
     assert (out.topic, out.message.severity, out.message.text) == ("event", "error", wire.lost)
-    assert node.losses == 1
+    assert node.counters["motion capture systems lost"] == 1
     with pytest.raises(WireError, match="is silent"):
         step(node, 12 * MS)

@@ -16,7 +16,7 @@ from pathlib import Path
 from groundcar.motion.pose import board_position, board_quaternion
 from groundcar.scout.sim import ScoutSim
 from hil.assembly.board_motion import hover_start, start_board
-from hil.assembly.builder import EXTERNAL_POSE_PARAMETERS
+from hil.assembly.vehicle import EXTERNAL_POSE_PARAMETERS
 from hil.wires.can import open_can
 from hil.wires.udp import UdpWire
 from scenarios.draw import draw

@@ -185,7 +185,7 @@ def test_a_host_that_dies_leaves_no_node_behind(hosts, keys, start, tmp_path):
     run.kill()  # the supervisor itself: `ip netns exec` has become it
     run.wait(10)
     assert node.wait(60) == 3, node.said()
-    assert "silent" in node.said()
+    assert "nothing received from supervisor and hub" in node.said()
     until(lambda: not served(tmp_path), 60.0)
     assert sum(1 for _ in Recording(folder(tmp_path)).messages(["truth/vehicle"])) > 50
 

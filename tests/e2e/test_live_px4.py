@@ -125,7 +125,7 @@ def test_an_autopilot_that_falls_silent_in_flight_is_told_and_the_recording_stay
     finally:
         process.kill()
         process.communicate(timeout=20)
-    assert "is silent on" in live.flight.failure
+    assert "has not published" in live.flight.failure
     assert live.flight.run.manifest["state"] == "failed"
     assert "link lost: no HEARTBEAT for 3 s" in said(live.flight.run)
     assert Recording(live.flight.run.path).complete

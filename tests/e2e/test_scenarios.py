@@ -20,7 +20,7 @@ from hil.recording import provenance
 from hil.recording.diff import diff_runs
 from hil.recording.reader import Recording
 from hil.recording.runs import list_runs, open_run
-from hil.safety.gate import GateLimits
+from hil.safety.limits import GateLimits
 from scenarios.spec import list_scenarios, load
 
 PATIENCE_S = 120  # a cold cache compiles kernels first

@@ -38,7 +38,7 @@ def look(node, now_ns, seen_from, at, stage="attempt"):
     return node.step(now_ns, filled(node, *messages))
 
 
-def test_nobody_looks_before_the_car_drives():
+def test_nothing_is_published_before_the_car_drives():
     node = camera()
     assert look(node, 0, vehicle(), board(), "prepare") == []
     assert node.step(0, filled(node)) == []

@@ -41,7 +41,7 @@ def judge(referee, now_ns, vehicle_state, name="attempt", board_state=None):
     return [out.message for out in referee.step(now_ns, inbox)]
 
 
-def test_it_says_nothing_outside_the_attempt():
+def test_nothing_is_published_outside_the_attempt():
     referee = Referee(RULES, DISC, TILT)
     for name in ("prepare", "lead", "ended"):
         assert judge(referee, START, vehicle(gap=-0.01), name) == []

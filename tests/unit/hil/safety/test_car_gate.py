@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.contract.messages import CarCommand, CarFeedback
-from hil.safety.gate import CarGate, CarGateLimits
+from hil.safety.car_gate import CarGate
+from hil.safety.limits import CarGateLimits
 
 MS = 1_000_000
 NOW = 10_000 * MS
@@ -23,7 +24,7 @@ def command(speed=1.0, turn_rate=0.5, stamp=NOW):
 def test_what_is_within_the_limits_passes_as_it_is():
     gate = CarGate(CarGateLimits())
     assert gate.check(NOW, command(), car()) == command()
-    assert gate.check(NOW, command(), None) == command(), "the car has not spoken yet; the driver waits for it"
+    assert gate.check(NOW, command(), None) == command(), "no feedback yet; the driver waits for it"
 
 
 @given(any_float, any_float)
@@ -48,7 +49,10 @@ def test_nothing_outside_the_limits_ever_passes(speed, turn_rate):
         (command(1.0, math.inf), car(), "command is not finite"),
         (command(), car(speed=-3.6), "car at -3.6 m/s, limit 3.5"),
         (command(), car(turn_rate=4.1), "car turns at 4.1 rad/s, limit 4"),
-        (command(), car(stamp=NOW - 600 * MS), "the car has said nothing for 500 ms"),
+        (command(), car(stamp=NOW + 6 * MS), "feedback of the car is stamped 6.0 ms later than now"),
+        (command(), car(speed=math.nan), "feedback of the car is not finite"),
+        (command(), car(turn_rate=math.inf), "feedback of the car is not finite"),
+        (command(), car(stamp=NOW - 600 * MS), "no feedback of the car for 500 ms"),
     ],
 )
 def test_a_trip_latches(asked, said, why):
