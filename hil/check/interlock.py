@@ -15,7 +15,7 @@ from hil.check.records import GO, Record
 from scenarios.spec import Scenario
 
 FRESH = timedelta(hours=4)
-_SKEW = timedelta(minutes=2)  # of another computer's clock, which may have signed
+_SKEW = timedelta(minutes=2)  # between this computer's clock and that of the signing one
 _SAME = ("rig", "rig_sha256", "simulated", "policy", "scenario_class")
 
 
@@ -53,9 +53,9 @@ def clear_to_arm(
     override: str | None = None,
     fresh: timedelta = FRESH,
 ) -> Clearance:
-    """Whether this run may arm. `folder` holds the checklist records; `override` is a reason to fly without.
+    """Whether this run may arm. `folder` holds the checklist records; `override`: a reason to arm without a go.
 
-    A simulated rig is always clear. The override asks for a reason, which goes into the manifest with what it overrode.
+    A simulated rig is always cleared. The override's reason goes into the manifest, with the refusal that it overrides.
     Raises NotClearedError, and ProvenanceError if the policy's file cannot be read.
     """
     wanted = subject(rig_name, rig, policy, scenario)
@@ -93,12 +93,12 @@ def _fresh_go(
         reason = refusal(record, wanted, now, fresh)
         if not reason:
             return path, record
-        ours = record.subject.get("rig") == wanted["rig"]  # what is wrong with another rig's record helps nobody
+        ours = record.subject.get("rig") == wanted["rig"]  # the refusal quotes this rig's record first
         reasons.insert(len(reasons) if not ours else mine, f"{path.name}: {reason}")
         mine += ours
-    found = f"no preflight record lies in {folder}" if not reasons else f"record {reasons[0]}"
+    found = f"there is no preflight record in {folder}" if not reasons else f"record {reasons[0]}"
     raise NotClearedError(
-        f'rig "{wanted["rig"]}" has a real device and no go for it: {found}. '
+        f'rig "{wanted["rig"]}" has a real device and no go: {found}. '
         f"Run: perch-hil check preflight --rig {rig_name} --scenario {wanted['scenario']}"
         f"{_policy_option(wanted['policy'])}"
     )
@@ -108,7 +108,7 @@ def refusal(record: Record, wanted: Mapping[str, Any], now: datetime, fresh: tim
     """Why `record` does not clear `wanted` (see `hil.bench.devices.subject`) at `now`; empty if it does."""
     sign = record.sign_off
     if sign is None:
-        return "is incomplete: it was never signed off"
+        return "is incomplete: it is not signed off"
     if not record.genuine():
         return "was changed after it was signed"
     if record.exit_code() != GO:

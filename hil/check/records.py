@@ -1,4 +1,4 @@
-"""The record of a checklist: written whole and in one piece after every change, so that nothing done is ever lost."""
+"""The record of a checklist: rewritten atomically after every change, so that no finished item is lost."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Entry:
     limit: str
     limits: dict[str, Value | None]
     unit: str
-    help: str = ""  # what to do if it does not pass
+    help: str = ""  # remedy if it does not pass
     outcome: Outcome = Outcome.PENDING
     value: Value | None = None
     margin: float | None = None
@@ -45,21 +45,21 @@ class Entry:
     operator: str = ""
     utc: str = ""
     seconds: float | None = None
-    history: list[str] = field(default_factory=list)  # what it was before it was tried again
+    history: list[str] = field(default_factory=list)  # earlier results, before it was tried again
 
     def reset(self) -> None:
-        """Back to PENDING; what it was is kept in `history`."""
+        """Back to PENDING; the earlier result is kept in `history`."""
         if self.outcome is not Outcome.PENDING:
-            who = f" by {self.operator}" if self.operator else ""
-            said = "; ".join(part for part in (self.reason, self.detail) if part)
-            self.history.append(f"{self.utc} {self.outcome}{who}{': ' + said if said else ''}")
+            by = f" by {self.operator}" if self.operator else ""
+            text = "; ".join(part for part in (self.reason, self.detail) if part)
+            self.history.append(f"{self.utc} {self.outcome}{by}{': ' + text if text else ''}")
         self.outcome, self.value, self.margin, self.seconds = Outcome.PENDING, None, None, None
         self.reason = self.detail = self.source = self.operator = self.utc = ""
 
 
 @dataclass
 class Record:
-    """A whole record: what for (`subject`), the items, what happened on the way, and the sign-off."""
+    """A whole record: what it clears (`subject`), the items, the sessions, and the sign-off."""
 
     subject: dict[str, Any]
     started_utc: str
@@ -73,7 +73,7 @@ class Record:
         return "signed" if self.sign_off else "incomplete"
 
     def exit_code(self) -> int:
-        """NO_GO, INCOMPLETE or GO by the items alone; the sign-off is another matter."""
+        """NO_GO, INCOMPLETE or GO by the items alone, without the sign-off."""
         outcomes = [entry.outcome for entry in self.entries]
         if Outcome.FAIL in outcomes:
             return NO_GO
@@ -99,7 +99,7 @@ class Record:
     def sign(self, operator: str, utc: datetime) -> None:
         """Sign what is in it now. Raises RecordError without a name."""
         if not operator.strip():
-            raise RecordError("a record is signed with a name")
+            raise RecordError("signing needs an operator's name")
         digest = _digest(self.content(), operator.strip(), iso(utc))
         self.sign_off = {"operator": operator.strip(), "utc": iso(utc), "sha256": digest}
 
@@ -110,7 +110,7 @@ class Record:
 
 
 def passed(entry: Entry) -> bool:
-    """True if the entry holds nothing up."""
+    """True if the entry does not block a go."""
     if entry.outcome in (Outcome.PASS, Outcome.MARGINAL, Outcome.SKIPPED):
         return True
     return entry.optional and entry.outcome is Outcome.UNKNOWN
@@ -122,7 +122,7 @@ def iso(moment: datetime) -> str:
 
 
 def write(path: Path, record: Record) -> None:
-    """Write in one piece and down to the disk: a crash, or an empty battery, leaves the old or the new one."""
+    """Write atomically, with fsync: a crash or power loss leaves either the old or the new record."""
     text = json.dumps(record.as_dict(), indent=2, allow_nan=False) + "\n"
     scratch = path.with_name(f".{path.name}.new")
     try:
@@ -148,7 +148,7 @@ def read(path: Path) -> Record:
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise RecordError(f"{path}: is no checklist record: {error}") from None
+        raise RecordError(f"{path}: is not a checklist record: {error}") from None
     try:
         if data["format"] != FORMAT:
             raise RecordError(f"{path}: is a record of format {data['format']}, this program reads {FORMAT}")
@@ -160,7 +160,7 @@ def read(path: Path) -> Record:
     except RecordError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RecordError(f"{path}: is no checklist record, or a damaged one ({error!r})") from None
+        raise RecordError(f"{path}: is not a checklist record, or is damaged ({error!r})") from None
 
 
 def find(folder: Path, wanted: Callable[[Record], bool]) -> list[tuple[Path, Record]]:

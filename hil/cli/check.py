@@ -45,7 +45,7 @@ def check(
 
     Exit code: 0 go and signed, 1 no-go, 2 usage, 3 aborted, 4 incomplete (not all known, or not signed).
     """
-    from hil.check.command import Wish, print_names, run_checklist
+    from hil.check.command import CheckRequest, print_names, run_checklist
 
     if names:
         print_names()
@@ -54,7 +54,7 @@ def check(
         raise fail("which checklist? perch-hil check preflight, perch-hil check postflight, or a path to a .toml")
     if sign and not operator:
         raise fail("--sign needs --operator NAME: a signature is somebody's")
-    wish = Wish(
+    request = CheckRequest(
         list_name=str(own) if own is not None else str(what),
         rig=rig,
         policy=policy,
@@ -71,7 +71,7 @@ def check(
         endpoint=endpoint,
         keys=keys,
     )
-    raise typer.Exit(run_checklist(wish))
+    raise typer.Exit(run_checklist(request))
 
 
 def runs(

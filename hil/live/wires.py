@@ -57,7 +57,7 @@ class LiveWires:
         # as PX4 does: speaks first to a default address, keeps its first partner, hears everybody
         ports = self._ports
         peer = (ports.host, ports.vehicle_link)
-        return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", strangers=True))
+        return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", accept_others=True))
 
     def car_link(self) -> Any:
         slot, ports = self._rig.groundcar, self._ports

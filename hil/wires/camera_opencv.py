@@ -22,7 +22,7 @@ class OpenCvCapture:
     """A VideoCapture. With `stamped`, the buffer's time stamp is read: the V4L2 backend gives it as position in ms."""
 
     def __init__(self, capture: cv2.VideoCapture, *, stamped: bool, pace_s: float = 0.0) -> None:
-        """`pace_s`: a video file has no rhythm of its own; its pictures are given out so far apart."""
+        """`pace_s`: interval of the pictures of a video file, which has no clock of its own."""
         self._capture, self._stamped, self._pace_s = capture, stamped, pace_s
         self.trouble = ""
 
@@ -37,7 +37,7 @@ class OpenCvCapture:
         return grey(frame), stamp
 
     def stop(self) -> None:
-        """OpenCV has nothing for it: the next picture, or its own time limit, ends a `read`."""
+        """OpenCV has no such call: the next picture, or its own time limit, ends a `read`."""
 
     def close(self) -> None:
         """Release the device."""
@@ -55,17 +55,17 @@ def open_v4l2(
     stamp_offset_ms: float,
     correct: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> NewestPicture:
-    """The camera at `device`, in `mode` and no other. Raises WireError saying what it grants instead, or why not.
+    """The camera at `device`, in exactly `mode`. Raises WireError with the granted mode, or the reason.
 
     The exposure is set by hand as well; a camera that has no such control keeps its own, which the checklist measures
     by its contrast.
     """
-    _look(device)
+    _check_device(device)
     capture = cv2.VideoCapture(device, cv2.CAP_V4L2)
     if not capture.isOpened():
         raise WireError(f"{device} cannot be opened as a camera: in use by another program, or no capture device")
     try:
-        ask(capture, device, mode, pixel_format)
+        set_mode(capture, device, mode, pixel_format)
     except WireError:
         capture.release()
         raise
@@ -82,8 +82,8 @@ def open_v4l2(
     return wait_for_picture(camera)
 
 
-def ask(capture: cv2.VideoCapture, device: str, mode: Mode, pixel_format: str) -> None:
-    """Set `mode`; a driver takes what it likes instead. Raises WireError if it granted another mode."""
+def set_mode(capture: cv2.VideoCapture, device: str, mode: Mode, pixel_format: str) -> None:
+    """Set `mode`; a driver may grant another one. Raises WireError if it granted another mode."""
     code = cv2.VideoWriter.fourcc(*pixel_format)
     for what, value in (
         (cv2.CAP_PROP_FOURCC, code),  # first: sizes and rates depend on it
@@ -104,7 +104,7 @@ def ask(capture: cv2.VideoCapture, device: str, mode: Mode, pixel_format: str) -
         )
 
 
-def _look(device: str) -> None:
+def _check_device(device: str) -> None:
     path = Path(device)
     if not path.exists():
         there = ", ".join(sorted(str(p) for p in Path("/dev").glob("video*"))) or "none"

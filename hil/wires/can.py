@@ -11,20 +11,20 @@ import can
 from hil.contract.wire import CanFrame
 from hil.wires import WireError
 
-_AT_ONCE = 1024  # frames taken in one `receive`: a babbling bus may not hold up a control loop
-_ECHOES = 256  # own frames that may still come back; older ones are taken for lost
+_AT_ONCE = 1024  # frames taken in one `receive`, so that a busy bus cannot delay a control loop
+_ECHOES = 256  # own frames that may still come back; older ones count as lost
 
 
 class PythonCanWire:
-    """One python-can bus as a CAN wire: standard data frames only, never its own, never raising in flight.
+    """One python-can bus as a CAN wire: standard data frames only, without its own frames; it raises nothing in flight.
 
     `rejected` counts received frames that are not standard data frames, `send_errors` frames that the bus did not take
     (bus off, full queue, interface down). Nothing is ever sent periodically by the kernel or by python-can: that would
-    keep a car moving after the one who decides has died.
+    keep a car moving after the service that commands it has died.
     """
 
     def __init__(self, bus: can.BusABC, *, echoes: bool = False) -> None:
-        """`echoes`: this bus gives back what was sent on it (udp_multicast does), which is then taken out."""
+        """`echoes`: this bus returns sent frames (udp_multicast does), which are then removed."""
         self._bus, self._closed = bus, False
         self._own: deque[tuple[int, bytes]] | None = deque(maxlen=_ECHOES) if echoes else None
         self.rejected = self.send_errors = 0
@@ -46,7 +46,7 @@ class PythonCanWire:
             self._own.append((can_id, data))
 
     def receive(self) -> list[CanFrame]:
-        """Frames that have come, oldest first; at most 1024 at once, the rest stays for the next call."""
+        """Frames that have come, oldest first; at most 1024, the rest stays for the next call."""
         frames: list[CanFrame] = []
         if self._closed:
             return frames
@@ -58,7 +58,7 @@ class PythonCanWire:
                 break
             if message is None:
                 break
-            frame = self._sort(message)
+            frame = self._accept(message)
             if frame is not None:
                 frames.append(frame)
         return frames
@@ -69,7 +69,7 @@ class PythonCanWire:
             self._closed = True
             self._bus.shutdown()
 
-    def _sort(self, message: can.Message) -> CanFrame | None:
+    def _accept(self, message: can.Message) -> CanFrame | None:
         if message.is_extended_id or message.is_error_frame or message.is_remote_frame or message.is_fd:
             self.rejected += 1
             return None
@@ -84,7 +84,7 @@ class PythonCanWire:
 def open_can(interface: str, channel: str, bitrate: int = 500_000, **options: Any) -> PythonCanWire:
     """A wire on python-can's `interface` ("socketcan" with channel "can0", "virtual", "udp_multicast", ...).
 
-    Raises WireError if the bus cannot be opened here. For socketcan the bitrate is the kernel's business:
+    Raises WireError if the bus cannot be opened here. For socketcan the bitrate is set in the kernel:
     `ip link set can0 up type can bitrate 500000`.
     """
     if interface not in can.interfaces.VALID_INTERFACES:

@@ -1,4 +1,4 @@
-"""CAN frames over a UDP wire: what stands for the car's bus between two processes of a simulated run.
+"""CAN frames over a UDP wire: the car's bus between two processes of a simulated run.
 
 A datagram is one frame: identifier (2 bytes, big-endian), then its data. No bus arbitration, no acknowledgement.
 """
@@ -10,7 +10,7 @@ from hil.wires.udp import UdpWire
 
 
 class CanOverUdp:
-    """A CAN wire on any UDP wire. `rejected` counts datagrams that are no standard data frame."""
+    """A CAN wire on any UDP wire. `rejected` counts datagrams that are not a standard data frame."""
 
     def __init__(self, wire: UdpWire) -> None:
         self._wire = wire
@@ -35,5 +35,5 @@ class CanOverUdp:
         return frames
 
     def close(self) -> None:
-        """Give the port back; may be called twice."""
+        """Close the port; may be called twice."""
         self._wire.close()

@@ -1,6 +1,6 @@
 """Byte wires by address, as a rig writes them.
 
-udp://:14540              listen there; whoever speaks first is the partner (PX4's offboard port)
+udp://:14540              listen there; the first sender is the partner (PX4's offboard port)
 udp://192.168.1.20:14580  send there from a free port
 tcp://192.168.1.20:5760   connect there
 serial:///dev/ttyACM0?baud=921600
@@ -28,7 +28,7 @@ def check_url(url: str) -> tuple[str, str, int]:
     except ValueError as error:
         raise WireError(f'"{url}": {error}; {example}') from None
     if parts.scheme not in KINDS:
-        raise WireError(f'"{url}" is no address of a wire; {example}')
+        raise WireError(f'"{url}" is not an address of a wire; {example}')
     if parts.scheme == "serial":
         baud = parse_qs(parts.query).get("baud", ["921600"])[0]
         if not parts.path or not baud.isdecimal():

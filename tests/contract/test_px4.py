@@ -29,7 +29,7 @@ def memory(stack):
 def udp(stack):
     """As a SITL does it: PX4 speaks first to our fixed port, and answers whom it heard first."""
     ours = UdpWire((LOCAL, 0), partner="first")
-    px4 = UdpWire((LOCAL, 0), ours.address, partner="first", strangers=True)
+    px4 = UdpWire((LOCAL, 0), ours.address, partner="first", accept_others=True)
     stack.callback(ours.close)
     stack.callback(px4.close)
     return ours, px4

@@ -65,7 +65,7 @@ def test_a_whole_flight_is_signed_and_accepted_both_ways():
     assert (flight.judge.refused, flight.link.counters["unsigned_frames"]) == (0, 0)
 
 
-def test_an_unsigned_link_is_not_heard_by_an_autopilot_that_demands_signatures():
+def test_autopilot_that_requires_signatures_ignores_an_unsigned_link():
     flight = Flight(ours=None).run(12.0)
     assert flight.judge.accepted == []
     assert flight.judge.refused > 5
@@ -75,7 +75,7 @@ def test_an_unsigned_link_is_not_heard_by_an_autopilot_that_demands_signatures()
     assert not flight.sim.truth().armed
 
 
-def test_another_key_is_not_heard_either_way():
+def test_frames_with_another_key_are_ignored_both_ways():
     flight = Flight(ours=bytes(32)).run(12.0)
     assert flight.judge.accepted == []
     assert flight.link.phase == "connect"
@@ -83,13 +83,13 @@ def test_another_key_is_not_heard_either_way():
     assert flight.said("frames without our signature were refused")
 
 
-def test_an_autopilot_that_does_not_sign_is_not_believed():
+def test_unsigned_autopilot_is_ignored():
     flight = Flight(demands=False).run(12.0)
     assert flight.link.phase == "connect"
     assert flight.link.counters["unsigned_frames"] > 100
 
 
-def test_an_overheard_command_cannot_be_played_again():
+def test_replayed_signed_command_is_ignored():
     flight = Flight()
     overheard = []
     send = flight.link._wire.send
@@ -138,7 +138,7 @@ def case():
     return scenario, draw(scenario, 0)
 
 
-def test_the_rig_names_a_file_whose_key_signs_and_stays_out_of_what_is_kept(tmp_path, case):
+def test_key_file_of_the_rig_signs_and_is_not_recorded(tmp_path, case):
     path = tmp_path / "vehicle.key"
     path.write_bytes(KEY)
     node, wires = link(path, *case)
@@ -156,7 +156,7 @@ def test_the_rig_names_a_file_whose_key_signs_and_stays_out_of_what_is_kept(tmp_
 
 
 @pytest.mark.parametrize(("content", "told"), [(None, "the signing key cannot be read"), (b"short", "has 32 bytes")])
-def test_a_key_that_is_none_is_told_before_anything_is_sent(tmp_path, case, content, told):
+def test_invalid_key_raises_before_anything_is_sent(tmp_path, case, content, told):
     path = tmp_path / "vehicle.key"
     if content is not None:
         path.write_bytes(content)

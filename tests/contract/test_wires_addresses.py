@@ -13,7 +13,7 @@ from hil.wires.url import check_url, open_url
 from tests.contract.wire_makers import LOCAL, collect, udp_pair
 
 
-def test_tcp_troubles_are_told_not_raised():
+def test_tcp_errors_are_reported_not_raised():
     with socket.create_server((LOCAL, 0)) as server:
         port = server.getsockname()[1]
         wire = TcpWire(LOCAL, port)
@@ -23,7 +23,7 @@ def test_tcp_troubles_are_told_not_raised():
     wire.send(b"x")
     assert wire.dropped == 1
     wire.close()
-    with pytest.raises(WireError, match=f"nobody answers at TCP 127.0.0.1:{port}"):
+    with pytest.raises(WireError, match=f"no answer at TCP 127.0.0.1:{port}"):
         TcpWire(LOCAL, port)
 
 
@@ -53,7 +53,7 @@ def test_addresses_of_wires(url, parts):
 
 
 @pytest.mark.parametrize("url", ["", "14540", "udp://", "tcp://:5760", "udp://:99999", "serial://", "http://a:1"])
-def test_wrong_addresses_show_right_ones(url):
+def test_wrong_addresses_raise_with_an_example(url):
     with pytest.raises(WireError, match="udp://:14540"):
         check_url(url)
 

@@ -44,7 +44,7 @@ def test_equal_frames_of_both_ends_are_told_apart(can_ends):
     assert nothing_comes(b)
 
 
-def test_what_is_no_standard_data_frame_is_counted_not_delivered():
+def test_non_standard_can_frames_are_counted_and_not_delivered():
     channel = uuid.uuid4().hex
     with can.Bus(interface="virtual", channel=channel) as raw:
         wire = open_can("virtual", channel)
@@ -57,7 +57,7 @@ def test_what_is_no_standard_data_frame_is_counted_not_delivered():
 
 
 @pytest.mark.parametrize("frame", [CanFrame(0x800, b""), CanFrame(-1, b""), CanFrame(1, bytes(9))])
-def test_impossible_frames_are_refused(frame):
+def test_invalid_can_frames_raise(frame):
     for a, _ in opened(can_virtual):
         with pytest.raises(ValueError, match="11-bit"):
             a.send(frame)
@@ -76,7 +76,7 @@ class _DeadBus(can.BusABC):
         raise can.CanOperationError("network is down")
 
 
-def test_a_dead_bus_is_counted_and_does_not_raise():
+def test_dead_can_bus_is_counted_and_does_not_raise():
     wire = PythonCanWire(_DeadBus())
     wire.send(CanFrame(0x111, b""))
     assert wire.receive() == []
@@ -84,7 +84,7 @@ def test_a_dead_bus_is_counted_and_does_not_raise():
     wire.close()
 
 
-def test_unusable_can_buses_say_how_to_mend_it():
+def test_unusable_can_bus_error_says_the_remedy():
     with pytest.raises(WireError, match=r"python-can knows .*socketcan"):
         open_can("soketcan", "can0")
     with pytest.raises(WireError, match="ip link set can77 up"):

@@ -26,7 +26,7 @@ def main(port: int, speed: float) -> None:
     ended, parent = threading.Event(), os.getppid()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
-    wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
+    wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", accept_others=True)
     sim = Px4Sim({"api": wire}, load_airframe("sih_quad"), 1, noise=GPS_NOISE)
     highest, armed, tilt, fall = 0.0, 0, 0.0, 0.0
     was, truth = False, sim.truth()

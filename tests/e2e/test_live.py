@@ -123,7 +123,7 @@ def can_hang(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("number", [KILL, STOP, BUSY], ids=["kill", "stop", "busy"])
 @pytest.mark.parametrize("service", SERVICES)
-def test_a_strike_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
+def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
     out, strike = tmp_path / "runs", Strike(tmp_path, service, number)
     live = fly(out, strike, "pictures" if service == "detector" else "model")
     assert strike.done
@@ -172,7 +172,7 @@ def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
         assert live.summary["services"]["vehicle_link"]["safe"]
 
 
-def test_services_whose_supervisor_is_killed_come_to_the_safe_state_by_themselves(tmp_path):
+def test_services_reach_the_safe_state_when_the_supervisor_is_killed(tmp_path):
     with (tmp_path / "said").open("wb") as said:
         run = subprocess.Popen(
             [Path(sys.executable).with_name("perch-hil"), "run", "simple-ii", "--camera", "model", "--live",

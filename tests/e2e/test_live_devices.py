@@ -96,7 +96,7 @@ def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monke
         ('[groundcar]\nkind = "can"\nchannel = "nocan9"', "car ended with exit code 3: .*CAN socketcan nocan9"),
     ],
 )  # fmt: skip
-def test_what_is_not_there_ends_the_run_before_anything_moves_in_one_line(tmp_path, rig, told):
+def test_missing_device_ends_the_run_before_motion_with_one_line(tmp_path, rig, told):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("0.0.0.0", 0))
         port = str(other.getsockname()[1])

@@ -165,7 +165,7 @@ def recording(tmp_path, enough=20_000):
     return any(path.stat().st_size > enough for path in (tmp_path / "runs").glob("*/run.mcap"))
 
 
-def test_a_cut_wire_is_told_on_both_sides_and_nobody_hangs(hosts, keys, start, tmp_path):
+def test_cut_connection_is_reported_on_both_hosts_and_both_end(hosts, keys, start, tmp_path):
     if not hosts.apart:
         pytest.skip("there is no wire to cut between loopback addresses")
     run, node = both(hosts, keys, start, tmp_path)

@@ -9,9 +9,10 @@ import math
 
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import MESSAGES as M
-from vehicle.px4.sim.plant import S_ACC, S_EULER, S_GYRO, S_P, S_Q, S_V, S_W
 from vehicle.px4.sim.port import Port
+from vehicle.px4.sim.rows import snapshot
 from vehicle.px4.sim.view import View
+from vehicle.quadrotor.airframe import GRAVITY
 
 NAN = math.nan
 _ZERO20 = (0,) * 20
@@ -75,8 +76,9 @@ def gps_raw_int(v: View, port: Port) -> None:
         port.send(M["GPS_RAW_INT"], v.us, 0, 0, 0, 0, 65535, 65535, 65535, 65535, 255, *(0,) * 6)
         return
     s = v.snap
-    speed = math.hypot(s[S_V], s[S_V + 1])
-    course = round(math.degrees(math.atan2(s[S_V + 1], s[S_V])) % 360.0 * 100) % 36000
+    vx, vy, _ = s[snapshot.VELOCITY : snapshot.VELOCITY + 3]
+    speed = math.hypot(vx, vy)
+    course = round(math.degrees(math.atan2(vy, vx)) % 360.0 * 100) % 36000
     lat, lon, alt = v.geodetic
     port.send(
         M["GPS_RAW_INT"], v.us, 3, lat, lon, alt, 70, 110, round(speed * 100), course, 10, alt, 900, 1780, 400, 0, 0
@@ -88,21 +90,23 @@ def scaled_pressure(v: View, port: Port) -> None:
 
 
 def _pressure(v: View) -> float:
-    return PRESSURE_ASL * math.exp(-v.flight.altitude(float(v.flight.row[2])) / SCALE_HEIGHT)
+    return PRESSURE_ASL * math.exp(-v.flight.altitude(v.flight.true_position[2]) / SCALE_HEIGHT)
 
 
 def attitude(v: View, port: Port) -> None:
     s = v.snap
-    port.send(M["ATTITUDE"], v.ms, *s[S_EULER : S_EULER + 3], *s[S_W : S_W + 3])
+    port.send(M["ATTITUDE"], v.ms, *s[snapshot.EULER : snapshot.EULER + 3], *s[snapshot.RATE : snapshot.RATE + 3])
 
 
 def attitude_quaternion(v: View, port: Port) -> None:
     s = v.snap
-    port.send(M["ATTITUDE_QUATERNION"], v.ms, *s[S_Q : S_Q + 4], *s[S_W : S_W + 3], (0.0, 0.0, 0.0, 0.0))
+    rates = s[snapshot.RATE : snapshot.RATE + 3]
+    q = s[snapshot.ATTITUDE : snapshot.ATTITUDE + 4]
+    port.send(M["ATTITUDE_QUATERNION"], v.ms, *q, *rates, (0.0, 0.0, 0.0, 0.0))
 
 
 def local_position_ned(v: View, port: Port) -> None:
-    port.send(M["LOCAL_POSITION_NED"], v.ms, *v.snap[S_P : S_V + 3])
+    port.send(M["LOCAL_POSITION_NED"], v.ms, *v.snap[snapshot.POSITION : snapshot.VELOCITY + 3])
 
 
 def global_position_int(v: View, port: Port) -> None:
@@ -112,8 +116,8 @@ def global_position_int(v: View, port: Port) -> None:
     lat, lon, alt = v.geodetic
     home = v.flight.home
     relative = round((v.flight.position[2] - home[2]) * 1000) if home else 0
-    heading = round(math.degrees(s[S_EULER + 2]) % 360.0 * 100) % 36000
-    velocity = (_int16(s[S_V + i] * 100) for i in range(3))
+    heading = round(math.degrees(s[snapshot.EULER + 2]) % 360.0 * 100) % 36000
+    velocity = (_int16(s[snapshot.VELOCITY + i] * 100) for i in range(3))
     port.send(M["GLOBAL_POSITION_INT"], v.ms, lat, lon, alt, relative, *velocity, heading)
 
 
@@ -134,10 +138,11 @@ def mission_current(v: View, port: Port) -> None:
 
 def vfr_hud(v: View, port: Port) -> None:
     s = v.snap
-    heading = int(math.degrees(s[S_EULER + 2]) % 360.0)
+    heading = int(math.degrees(s[snapshot.EULER + 2]) % 360.0)
     throttle = int(100 * v.thrust) if v.flight.armed else 0
     altitude = v.flight.altitude(v.flight.position[2])
-    port.send(M["VFR_HUD"], NAN, math.hypot(s[S_V], s[S_V + 1]), heading, throttle, altitude, -s[S_V + 2])
+    vx, vy, vz = s[snapshot.VELOCITY : snapshot.VELOCITY + 3]
+    port.send(M["VFR_HUD"], NAN, math.hypot(vx, vy), heading, throttle, altitude, -vz)
 
 
 def attitude_target(v: View, port: Port) -> None:
@@ -168,18 +173,18 @@ def position_target_global_int(v: View, port: Port) -> None:
 
 def highres_imu(v: View, port: Port) -> None:
     s = v.snap
-    yaw = s[S_EULER + 2]
+    yaw = s[snapshot.EULER + 2]
     mag = (
         math.cos(yaw) * _MAG_FIELD[0] + math.sin(yaw) * _MAG_FIELD[1],
         -math.sin(yaw) * _MAG_FIELD[0] + math.cos(yaw) * _MAG_FIELD[1],
         _MAG_FIELD[2],
     )
-    altitude = v.flight.altitude(float(v.flight.row[2]))
+    altitude = v.flight.altitude(v.flight.true_position[2])
     port.send(
         M["HIGHRES_IMU"],
         v.us,
-        *s[S_ACC : S_ACC + 3],
-        *s[S_GYRO : S_GYRO + 3],
+        *s[snapshot.ACCELERATION : snapshot.ACCELERATION + 3],
+        *s[snapshot.GYRO : snapshot.GYRO + 3],
         *mag,
         _pressure(v),
         0.0,
@@ -264,10 +269,10 @@ def odometry(v: View, port: Port) -> None:
         v.sample_us,
         1,
         1,  # velocity in NED, not in the body
-        *s[S_P : S_P + 3],
-        tuple(s[S_Q : S_Q + 4]),
-        *s[S_V : S_V + 3],
-        *s[S_W : S_W + 3],
+        *s[snapshot.POSITION : snapshot.POSITION + 3],
+        tuple(s[snapshot.ATTITUDE : snapshot.ATTITUDE + 4]),
+        *s[snapshot.VELOCITY : snapshot.VELOCITY + 3],
+        *s[snapshot.RATE : snapshot.RATE + 3],
         v.pose_covariance,
         v.velocity_covariance,
         v.reset_counter,
@@ -319,11 +324,11 @@ def open_drone_id_system(v: View, port: Port) -> None:
 def hil_state_quaternion(v: View, port: Port) -> None:
     """SIH's ground truth; its time_usec is 0 on a real PX4 too."""
     t = v.truth_ned()
-    lat, lon = v.flight.geodetic(float(v.flight.row[0]), float(v.flight.row[1]))
-    alt = round(v.flight.altitude(float(v.flight.row[2])) * 1000)
-    velocity = (_int16(c * 100) for c in t[3:6])
-    acceleration = (_int16(c / 9.80665 * 1000) for c in t[13:16])
-    port.send(M["HIL_STATE_QUATERNION"], 0, t[6:10], *t[10:13], lat, lon, alt, *velocity, 0, 0, *acceleration)
+    lat, lon = v.flight.geodetic(*v.flight.true_position[:2])
+    alt = round(v.flight.altitude(v.flight.true_position[2]) * 1000)
+    velocity = (_int16(c * 100) for c in t.velocity)
+    acceleration = (_int16(c / GRAVITY * 1000) for c in t.acceleration)
+    port.send(M["HIL_STATE_QUATERNION"], 0, t.attitude, *t.rates, lat, lon, alt, *velocity, 0, 0, *acceleration)
 
 
 def gps_global_origin(v: View, port: Port) -> None:

@@ -1,4 +1,4 @@
-"""Which periodic messages a v1.17 PX4 sends on its two links, how often, and from when after boot (all recorded)."""
+"""Which periodic messages a v1.17 PX4 sends on its two links, how often, and from when after boot (recorded)."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import pytest
 from hil.check import records
 from hil.check.command import run_checklist
 from hil.check.judge import Outcome, Reading
-from tests.unit.hil.check.console import Console, wish
+from tests.unit.hil.check.console import Console, check_request
 from tests.unit.hil.check.made_up import registered
 
 LIST = """
@@ -57,7 +57,7 @@ def listed(tmp_path):
 
 def start(folder, **more) -> Console:
     terminal = {k: more.pop(k) for k in ("columns", "term", "NO_COLOR") if k in more}
-    return Console(wish(folder, folder / "list.toml", **more), **terminal)
+    return Console(check_request(folder, folder / "list.toml", **more), **terminal)
 
 
 def answer(console: Console, place: int) -> None:
@@ -148,7 +148,7 @@ def test_a_closed_window_keeps_the_record(listed):
 
 
 @pytest.mark.parametrize("typed", ["p", "ppppp\nyyy\n"])
-def test_what_is_typed_ahead_answers_nothing(listed, typed):
+def test_keys_typed_ahead_are_discarded(listed, typed):
     (listed / "hold-0").touch()
     console = start(listed)
     end = time.monotonic() + 30
@@ -198,7 +198,7 @@ def test_a_failing_device_mended_on_the_spot_is_tried_again(listed):
     assert "FAIL" in records.read(listed / "record.json").entries[2].history[0]
 
 
-def test_a_must_cannot_be_skipped(listed):
+def test_must_item_cannot_be_skipped(listed):
     console = start(listed)
     answer(console, 1)
     answer(console, 3)
@@ -211,7 +211,7 @@ def test_a_must_cannot_be_skipped(listed):
 
 
 @pytest.mark.parametrize(("columns", "more"), [(60, {"NO_COLOR": "1"}), (80, {}), (60, {"term": "dumb"})])
-def test_sixty_columns_no_colours_and_a_dumb_terminal_will_do(listed, columns, more):
+def test_works_with_60_columns_no_colours_and_a_dumb_terminal(listed, columns, more):
     console = start(listed, columns=columns, **more)
     shown = console.wait_for(QUESTIONS[1]) + console.wait_for(KEYS)
     codes = re.findall(r"\x1b\[([0-9;]*)m", shown)
@@ -227,8 +227,8 @@ def test_sixty_columns_no_colours_and_a_dumb_terminal_will_do(listed, columns, m
 class TestWithoutATerminal:
     def test_manual_items_are_unknown_and_the_result_incomplete(self, listed, monkeypatch, capsys):
         monkeypatch.setattr("sys.stdin", open("/dev/null"))  # noqa: SIM115, PTH123
-        assert run_checklist(wish(listed, listed / "list.toml", operator=None)) == 4
-        assert "nobody was there" in capsys.readouterr().out
+        assert run_checklist(check_request(listed, listed / "list.toml", operator=None)) == 4
+        assert "there is no operator to ask" in capsys.readouterr().out
         assert records.read(listed / "record.json").entries[1].outcome is Outcome.UNKNOWN
 
     def automatic(self, folder):
@@ -238,19 +238,19 @@ class TestWithoutATerminal:
     @pytest.mark.parametrize(("sign", "code"), [(True, 0), (False, 4)])
     def test_a_list_of_automatic_items_can_be_signed_on_the_command_line(self, listed, capsys, sign, code):
         path = self.automatic(listed)
-        assert run_checklist(wish(listed, path, sign=sign)) == code
+        assert run_checklist(check_request(listed, path, sign=sign)) == code
 
     def test_a_failure_is_never_signed_on_the_command_line(self, listed, capsys):
         (listed / "bad-0").touch()
-        assert run_checklist(wish(listed, self.automatic(listed), sign=True)) == 1
+        assert run_checklist(check_request(listed, self.automatic(listed), sign=True)) == 1
         assert records.read(listed / "record.json").sign_off is None
 
     def test_an_open_record_of_today_is_gone_on_with_and_fresh_begins_anew(self, listed, capsys):
         for fresh, count in ((False, 1), (False, 1), (True, 2)):
-            run_checklist(wish(listed, listed / "list.toml", record=None, fresh=fresh))
+            run_checklist(check_request(listed, listed / "list.toml", record=None, fresh=fresh))
             assert len(list((listed / "checks").glob("*.json"))) == count
         said = capsys.readouterr().err
-        assert "going on with" in said and "0 answers kept" in said  # nobody was there to give any
+        assert "resuming" in said and "0 answers kept" in said
 
     @pytest.mark.parametrize(
         ("more", "says"),
@@ -263,8 +263,8 @@ class TestWithoutATerminal:
             ({"list_name": "nowhere.toml"}, "cannot be read"),
         ],
     )
-    def test_a_users_mistake_is_one_line_exit_2_and_no_record(self, listed, capsys, more, says):
-        assert run_checklist(wish(listed, listed / "list.toml", **more)) == 2
+    def test_usage_error_is_one_line_exit_2_and_no_record(self, listed, capsys, more, says):
+        assert run_checklist(check_request(listed, listed / "list.toml", **more)) == 2
         error = capsys.readouterr().err
         assert says in error
         assert len(error.strip().splitlines()) == 1
@@ -272,9 +272,9 @@ class TestWithoutATerminal:
 
     def test_a_record_for_something_else_or_signed_is_not_gone_on_with(self, listed, capsys):
         path = self.automatic(listed)
-        asked = wish(listed, path, sign=True)
-        assert run_checklist(wish(listed, path)) == 4
-        assert run_checklist(wish(listed, path, scenario="hard-i")) == 2
+        asked = check_request(listed, path, sign=True)
+        assert run_checklist(check_request(listed, path)) == 4
+        assert run_checklist(check_request(listed, path, scenario="hard-i")) == 2
         assert "another scenario" in capsys.readouterr().err
         assert run_checklist(asked) == 0
         assert run_checklist(asked) == 2
@@ -287,7 +287,7 @@ class TestWithoutATerminal:
     def test_two_terminals_do_not_work_on_one_record(self, listed, capsys):
         console = start(listed)
         console.wait_for(QUESTIONS[1])
-        assert run_checklist(wish(listed, listed / "list.toml")) == 2
+        assert run_checklist(check_request(listed, listed / "list.toml")) == 2
         assert "another terminal" in capsys.readouterr().err
         console.kill()
-        assert run_checklist(wish(listed, listed / "list.toml")) == 4
+        assert run_checklist(check_request(listed, listed / "list.toml")) == 4

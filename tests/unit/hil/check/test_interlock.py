@@ -70,7 +70,7 @@ def test_no_record_is_refused_with_the_command_to_run(tmp_path):
 @pytest.mark.parametrize(
     ("made", "says"),
     [
-        ({"sign": False}, "never signed off"),
+        ({"sign": False}, "is not signed off"),
         ({"outcome": Outcome.FAIL}, "says no-go"),
         ({"outcome": Outcome.UNKNOWN}, "says incomplete"),
         ({"age": timedelta(hours=4, minutes=1)}, "a go lasts 4 h"),

@@ -136,7 +136,7 @@ def test_integers_lie_bytewise_in_the_float(ready):
 @pytest.mark.parametrize(
     ("name", "kind"), [("COM_OBL_RC_ACT", REAL32), ("COM_OBL_RC_ACT", 4), ("NO_SUCH_PARAM", REAL32)]
 )
-def test_wrong_types_and_names_meet_silence(ready, name, kind):
+def test_param_set_with_wrong_type_or_name_gets_no_answer(ready, name, kind):
     ready.run(300)
     ready.log.clear()
     ready.send("PARAM_SET", 1, 1, name, 1.0, kind)
@@ -220,7 +220,7 @@ def test_every_float_sent_in_flight_is_finite_where_it_must_be():
             assert np.isfinite([v for v in m if isinstance(v, (int, float))]).all()
 
 
-def test_no_wire_no_streams():
+def test_px4_without_wires_sends_no_streams():
     rig = Rig(ready=False)
     assert set(rig.sim.ports) == {"api"}
     with pytest.raises(ValueError, match="payload"):
