@@ -118,7 +118,7 @@ def refusal(record: Record, wanted: Mapping[str, Any], now: datetime, fresh: tim
             return f"is for another {name.removesuffix('_sha256').replace('_', ' ')}{_difference(record, wanted, name)}"
     try:
         age = now - datetime.fromisoformat(sign["utc"]).astimezone(UTC)
-    except ValueError:
+    except (ValueError, OverflowError):
         return f"was signed at an unreadable time ({sign['utc']})"
     if age < -_SKEW:
         return f"was signed in the future ({sign['utc']}): check this computer's clock"
@@ -132,7 +132,7 @@ def _difference(record: Record, wanted: Mapping[str, Any], name: str) -> str:
         return " file: it was changed since"
     has, needs = record.subject.get(name), wanted[name]
     if isinstance(has, dict) and isinstance(needs, dict):
-        has, needs = (f"{p.get('name')} {p.get('sha256', '')[:12]}".strip() for p in (has, needs))
+        has, needs = (f"{p.get('name')} {str(p.get('sha256', ''))[:12]}".strip() for p in (has, needs))
     return f": {has}, not {needs}"
 
 

@@ -11,9 +11,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ValidationError
+from typing_extensions import TypedDict
+
 from hil.check.judge import Outcome, Value
 
 FORMAT = 1
+_LARGEST = 16 << 20  # bytes of a record
 GO, NO_GO, USAGE, ABORTED, INCOMPLETE = range(5)
 VERDICTS = {GO: "go", NO_GO: "no-go", INCOMPLETE: "incomplete"}
 
@@ -57,6 +61,14 @@ class Entry:
         self.reason = self.detail = self.source = self.operator = self.utc = ""
 
 
+class SignOff(TypedDict):
+    """Who signed, when (UTC, ISO 8601), and the digest of what was signed."""
+
+    operator: str
+    utc: str
+    sha256: str
+
+
 @dataclass
 class Record:
     """A whole record: what it clears (`subject`), the items, the sessions, and the sign-off."""
@@ -65,7 +77,7 @@ class Record:
     started_utc: str
     entries: list[Entry]
     sessions: list[dict[str, str]] = field(default_factory=list)
-    sign_off: dict[str, str] | None = None
+    sign_off: SignOff | None = None
 
     @property
     def state(self) -> str:
@@ -109,6 +121,16 @@ class Record:
         return sign is not None and sign.get("sha256") == _digest(self.content(), sign["operator"], sign["utc"])
 
 
+class _File(BaseModel):
+    """The file's content, as far as it is read: the verdict and the counts follow from the entries."""
+
+    subject: dict[str, Any]
+    started_utc: str
+    entries: list[Entry]
+    sessions: list[dict[str, str]]
+    sign_off: SignOff | None
+
+
 def passed(entry: Entry) -> bool:
     """True if the entry does not block a go."""
     if entry.outcome in (Outcome.PASS, Outcome.MARGINAL, Outcome.SKIPPED):
@@ -142,25 +164,31 @@ def write(path: Path, record: Record) -> None:
 
 
 def read(path: Path) -> Record:
-    """The record at `path`. Raises RecordError if it is none."""
+    """The record at `path`. Raises RecordError if it is none: whatever lies there, no other exception leaves."""
     try:
+        if not path.is_file():  # a pipe of that name would block
+            raise RecordError(f"{path}: is not a file")
+        if path.stat().st_size > _LARGEST:
+            raise RecordError(f"{path}: is larger than {_LARGEST >> 20} MiB: not a checklist record")
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, RecordError):
+            raise
         raise RecordError(f"{path}: is not a checklist record: {error}") from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        form = data.get("format") if isinstance(data, dict) else None
+        raise RecordError(f"{path}: is a record of format {form}, this program reads {FORMAT}")
     try:
-        if data["format"] != FORMAT:
-            raise RecordError(f"{path}: is a record of format {data['format']}, this program reads {FORMAT}")
-        entries = [Entry(**{**e, "outcome": Outcome(e["outcome"])}) for e in data["entries"]]
-        sign = data["sign_off"]
-        if sign is not None and not all(isinstance(sign.get(k), str) for k in ("operator", "utc", "sha256")):
-            raise ValueError("its sign-off is damaged")
-        return Record(data["subject"], data["started_utc"], entries, data["sessions"], sign)
-    except RecordError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RecordError(f"{path}: is not a checklist record, or is damaged ({error!r})") from None
+        found = _File.model_validate(data)
+        record = Record(found.subject, found.started_utc, found.entries, found.sessions, found.sign_off)
+        json.dumps(record.as_dict(), allow_nan=False)
+    except (ValueError, RecursionError) as error:
+        faults = error.errors(include_url=False) if isinstance(error, ValidationError) else []
+        why = f"{'.'.join(map(str, faults[0]['loc']))}: {faults[0]['msg']}" if faults else str(error)
+        raise RecordError(f"{path}: is not a checklist record, or is damaged ({why})") from None
+    return record
 
 
 def find(folder: Path, wanted: Callable[[Record], bool]) -> list[tuple[Path, Record]]:

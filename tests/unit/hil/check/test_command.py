@@ -74,7 +74,7 @@ def answer(console: Console, place: int) -> None:
 def finish(console: Console, places=(1, 3, 5), sign: str = "y") -> tuple[int, str]:
     for place in places:
         answer(console, place)
-    console.wait_for("leave it open")
+    console.wait_for("leave it unsigned")
     console.type(sign)
     return console.end()
 
@@ -176,7 +176,7 @@ def test_a_failed_item_with_its_reason_is_a_no_go(listed):
     console.type("blade is cracked\n")
     console.wait_for("try what did not pass again")
     console.type("q")
-    console.wait_for("leave it open")
+    console.wait_for("leave it unsigned")
     console.type("y")
     code, text = console.end()
     assert (code, "NO-GO, signed by Ann" in text) == (1, True)

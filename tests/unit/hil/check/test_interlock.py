@@ -146,3 +146,31 @@ def test_the_refusal_is_about_this_rigs_newest_record(go, tmp_path):
     go(name="other", sign=False, age=timedelta(minutes=1))
     with pytest.raises(NotClearedError, match=r"1\.json: is 6\.0 h old"):
         clear(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"subject": []},
+        {"subject": {"kind": "preflight", "rig": "bench", "policy": {"sha256": 5}, "rig_sha256": float("inf")}},
+        {"started_utc": None},
+        {"sign_off": {"operator": "Ann", "utc": "9999-12-31T23:59:59-12:00", "sha256": "0"}},
+        {"sessions": 3},
+    ],
+    ids=str,
+)
+def test_odd_file_beside_a_valid_go_does_not_stop_arming(go, tmp_path, change):
+    table = json.loads(go().read_text())
+    (tmp_path / "odd.json").write_text(json.dumps({**table, **change}))
+    assert clear(tmp_path).kind == "checklist"
+
+
+@pytest.mark.parametrize("utc", ["9999-12-31T23:59:59-12:00", "0001-01-01T00:00:00+14:00", "soon"])
+def test_go_signed_at_an_impossible_time_is_refused(go, tmp_path, utc):
+    path = go()
+    record = records.read(path)
+    record.sign_off["utc"] = utc
+    record.sign_off["sha256"] = records._digest(record.content(), "Ann", utc)
+    records.write(path, record)
+    with pytest.raises(NotClearedError, match=r"unreadable time|in the future|h old"):
+        clear(tmp_path)
