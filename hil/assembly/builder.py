@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Protocol
 
 from groundcar.board.layout import Board
@@ -28,6 +27,7 @@ from hil.nodes.policy import PolicyNode
 from hil.nodes.referee import Referee
 from hil.nodes.vehicle import VehicleDevice, VehicleLink
 from hil.safety.gate import CarGate, Gate
+from hil.wires.signing_key import read_signing_key
 from kernel.random import stream
 from policies.estimation.board_filter import BoardFilter
 from policies.task.contact import ContactRules
@@ -200,11 +200,7 @@ def _signing(path: str, unix_ns: int) -> Signing | None:
     """The signing of the vehicle's link with the key in the file `path`; None without one."""
     if not path:
         return None
-    try:
-        key = Path(path).read_bytes()
-    except OSError as error:
-        raise ValueError(f"{path}: the signing key cannot be read: {error.strerror}") from None
-    return Signing(key=key, epoch_ns=unix_ns)
+    return Signing(key=read_signing_key(path), epoch_ns=unix_ns)
 
 
 def _rules(scenario: Scenario, frame: af.Airframe) -> ContactRules:

@@ -69,6 +69,8 @@ class Signing:
     def __post_init__(self) -> None:
         if len(self.key) != 32:
             raise ValueError(f"a MAVLink signing key has 32 bytes, this one has {len(self.key)}")
+        if not any(self.key):
+            raise ValueError("a MAVLink signing key of zeros only is not secret: make a random one")
 
 
 @dataclass(frozen=True)

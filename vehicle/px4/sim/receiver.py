@@ -152,10 +152,10 @@ class Receiver:
             return self._request(port, id)
         stream = port.streams.get(id)
         if number == Cmd.GET_MESSAGE_INTERVAL:
-            interval = -1 if stream is None or not stream.interval_ns else stream.interval_ns // 1000
+            interval = -1 if stream is None or not stream.interval_ns else min(0x7FFFFFFF, stream.interval_ns // 1000)
             port.send(M["MESSAGE_INTERVAL"], max(0, min(65535, id)), interval)
             return Result.ACCEPTED
-        if stream is None or id == 0 or math.isnan(params[1]):
+        if stream is None or id == 0 or not math.isfinite(params[1]):
             return Result.FAILED
         stream.set_interval(params[1], self._flight.now_ns)
         port.reschedule()

@@ -151,7 +151,7 @@ def test_motion_capture_rate_and_age_are_measured(vrpn):
     report = vrpn.mocap()
     assert report.rate_hz == pytest.approx(100.0, abs=10.0)
     assert report.age_ms > 10.0
-    assert "VRPN from here; 8 ms of the age are the rig's word" in report.source
+    assert "VRPN from here; 8 ms of the age are the rig's setting" in report.source
 
 
 def test_motion_capture_that_is_silent_is_unknown(vrpn, monkeypatch):

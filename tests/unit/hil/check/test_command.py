@@ -278,7 +278,7 @@ class TestWithoutATerminal:
         assert "another scenario" in capsys.readouterr().err
         assert run_checklist(asked) == 0
         assert run_checklist(asked) == 2
-        assert "signed already" in capsys.readouterr().err
+        assert "already signed" in capsys.readouterr().err
         with contextlib.suppress(OSError):
             (listed / "record.json").write_text("rubbish")
         assert run_checklist(asked) == 2

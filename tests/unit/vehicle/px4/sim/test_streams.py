@@ -65,6 +65,20 @@ def test_intervals_that_cannot_be_set(ready, id):
     assert ready.ask(511, float(id), 10_000.0) == [FAILED]
 
 
+@pytest.mark.parametrize("interval", [math.inf, -math.inf, math.nan])
+def test_interval_that_is_not_finite_fails_and_changes_nothing(ready, interval):
+    assert ready.ask(511, 30.0, interval) == [FAILED]
+    ready.log.clear()
+    ready.run(1000)
+    assert len(ready.of("ATTITUDE")) == pytest.approx(100, abs=2)
+
+
+def test_interval_beyond_the_reported_range_is_reported_as_the_largest(ready):
+    assert ready.ask(511, 30.0, 3.0e38) == [0]
+    assert ready.ask(510, 30.0) == [0]
+    assert ready.of("MESSAGE_INTERVAL")[-1].interval_us == 2**31 - 1
+
+
 def test_ground_truth_on_request_has_no_time(ready):
     assert ready.ask(511, 115.0, 10_000.0) == [0]
     ready.log.clear()
