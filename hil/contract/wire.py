@@ -28,9 +28,9 @@ class CanFrame(NamedTuple):
 
 
 class CanWire(Protocol):
-    """A CAN bus. `receive` never blocks and never returns what this end sent."""
+    """A CAN bus. `receive` never blocks and never returns what this end sent; `send` is False for a refused frame."""
 
-    def send(self, frame: CanFrame, /) -> None: ...
+    def send(self, frame: CanFrame, /) -> bool | None: ...
 
     def receive(self) -> list[CanFrame]: ...
 

@@ -16,12 +16,12 @@ class CanOverUdp:
         self._wire = wire
         self.rejected = 0
 
-    def send(self, frame: CanFrame) -> None:
-        """One frame. Raises ValueError for an id or length that CAN 2.0 does not have."""
+    def send(self, frame: CanFrame) -> bool:
+        """One frame; False if the network refused it. Raises ValueError for what CAN 2.0 does not have."""
         can_id, data = int(frame.can_id), bytes(frame.data)
         if not 0 <= can_id <= 0x7FF or len(data) > 8:
             raise ValueError(f"CAN frame {can_id:#x} with {len(data)} bytes: 11-bit ids and up to 8 bytes only")
-        self._wire.send(can_id.to_bytes(2, "big") + data)
+        return self._wire.send(can_id.to_bytes(2, "big") + data)
 
     def receive(self) -> list[CanFrame]:
         """Frames that have come, oldest first."""

@@ -59,17 +59,19 @@ class UdpWire:
         """Where datagrams are sent now; None while no partner is known."""
         return self._peer
 
-    def send(self, data: bytes) -> None:
-        """One datagram to the partner. Without a partner, or if the network refuses, it is counted in `send_errors`."""
+    def send(self, data: bytes) -> bool:
+        """One datagram to the partner. False, counted in `send_errors`, without a partner or if the network refuses."""
         if self._closed:
             raise WireError("this UDP wire is closed")
         if self._peer is None:
             self.send_errors += 1
-            return
+            return False
         try:
             self._socket.sendto(data, self._peer)
         except OSError:
             self.send_errors += 1
+            return False
+        return True
 
     def receive(self) -> list[bytes]:
         """Datagrams that have come, oldest first; at most 1024, the rest stays for the next call."""
