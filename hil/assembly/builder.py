@@ -140,7 +140,13 @@ class Assembly:
             external_vision=slot.external_pose,
         )  # fmt: skip
         if real:
-            config = replace(config, clock_drift=slot.clock_drift, signing=_signing(slot.signing_key, self._unix_ns))
+            config = replace(
+                config,
+                system=slot.system,
+                component=slot.component,
+                clock_drift=slot.clock_drift,
+                signing=_signing(slot.signing_key, self._unix_ns),
+            )
         seen_by_simulation = real and "sim" in (self._rig.camera.kind, self._rig.mocap.kind)
         link = Px4Link(self._wires.vehicle_link(), config)
         virtual_board = real and "sim" in (self._rig.groundcar.kind, self._rig.mocap.kind)

@@ -110,6 +110,7 @@ class Bench:
     def __init__(self, pace: Pace, wire: ByteWire, config: LinkConfig, source: str) -> None:
         self.pace, self.clock, self.source = pace, pace.clock, source
         self.tap = Tap(wire, self.clock)
+        self.target = (config.system, config.component)
         self.link = Px4Link(self.tap, config)
         self.notes: list[str] = []
 
@@ -146,10 +147,17 @@ def live_bench(airframe: Airframe, rig: Rig) -> Bench:
     if slot.signing_key:
         raise Unavailable("a checklist cannot read an autopilot that requires signed MAVLink")
     try:
-        wire = open_url(slot.url)
+        wire = open_url(slot.url, slot.system)
     except WireError as error:
         raise Unavailable(str(error)) from None
-    config = LinkConfig(start=_START, hover_thrust=airframe.hover_thrust, clock_drift=slot.clock_drift, arm=False)
+    config = LinkConfig(
+        start=_START,
+        hover_thrust=airframe.hover_thrust,
+        system=slot.system,
+        component=slot.component,
+        clock_drift=slot.clock_drift,
+        arm=False,
+    )
     return Bench(Wall(), wire, config, f"autopilot at {slot.url}")
 
 
@@ -193,7 +201,7 @@ class _Parameters(dict[str, float]):
     def __missing__(self, name: str) -> float:
         bench = self._bench
         bench.tap.parameters.pop(name, None)
-        request = READ.pack(-1, 1, px4.PX4_COMPONENT, name.encode())
+        request = READ.pack(-1, *bench.target, name.encode())
         for _ in range(3):
             bench.tap.send(self._packer.pack_payload(MESSAGES["PARAM_REQUEST_READ"], request))
             for _ in range(250):

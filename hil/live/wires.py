@@ -50,7 +50,7 @@ class LiveWires:
     def vehicle_link(self) -> Any:
         slot, ports = self._rig.vehicle, self._ports
         if slot.kind == "mavlink":
-            return self._keep(open_url(slot.url), "vehicle_link")
+            return self._keep(open_url(slot.url, slot.system), "vehicle_link")
         return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
 
     def vehicle_device(self) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import socket
+from collections.abc import Callable
 from typing import Literal
 
 from hil.wires import WireError
@@ -24,11 +25,18 @@ class UdpWire:
     - "last": to the sender of the last datagram.
 
     With `accept_others` False, datagrams of other senders than the partner are dropped and counted in
-    `others_dropped`; with True they are received, as PX4 does.
+    `others_dropped`; with True they are received, as PX4 does. With `qualifies`, the first partner is the sender of a
+    datagram for which it is True; others before it are dropped and counted.
     """
 
     def __init__(
-        self, bind: Address, peer: Address | None = None, *, partner: Partner = "first", accept_others: bool = False
+        self,
+        bind: Address,
+        peer: Address | None = None,
+        *,
+        partner: Partner = "first",
+        accept_others: bool = False,
+        qualifies: Callable[[bytes], bool] | None = None,
     ) -> None:
         """Bind to `bind` (port 0: any free one, see `address`). Raises WireError if that is not possible."""
         if partner == "fixed" and peer is None:
@@ -37,7 +45,7 @@ class UdpWire:
             raise WireError(f'UDP partner rule "{partner}" is unknown: use "fixed", "first" or "last"')
         self._partner_rule, self._accept_others = partner, accept_others
         self._peer = _resolve(peer) if peer else None
-        self._settled = partner == "fixed"
+        self._settled, self._qualifies = partner == "fixed", qualifies
         self._closed = False
         self.others_dropped = self.send_errors = 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -85,7 +93,7 @@ class UdpWire:
                 break
             except OSError:  # an ICMP answer to something sent earlier
                 continue
-            if self._accept(sender):
+            if self._accept(sender, data):
                 items.append(data)
         return items
 
@@ -98,11 +106,14 @@ class UdpWire:
         self._closed = True
         self._socket.close()
 
-    def _accept(self, sender: Address) -> bool:
-        if self._partner_rule == "last" or not self._settled:
+    def _accept(self, sender: Address, data: bytes) -> bool:
+        if self._partner_rule == "last":
+            self._peer = sender
+            return True
+        if not self._settled and (self._qualifies is None or self._qualifies(data)):
             self._peer, self._settled = sender, True
             return True
-        if sender == self._peer or self._accept_others:
+        if (self._settled and sender == self._peer) or self._accept_others:
             return True
         self.others_dropped += 1
         return False

@@ -66,7 +66,7 @@ class Autopilot:
 
     def frame(self, frame: Frame, now_ns: int) -> None:
         """One frame from the wire."""
-        if frame.system != self._config.system or frame.component != px4.PX4_COMPONENT:
+        if frame.system != self._config.system or frame.component != self._config.component:
             self.foreign += 1
             if len(self.other_senders) < 16:
                 self.other_senders.add((frame.system, frame.component))

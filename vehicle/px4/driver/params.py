@@ -117,7 +117,7 @@ class ParameterCheck:
 
     def requests(self) -> list[tuple[str, bytes]]:
         """(message name, payload) of the requests still open; send them again if they are not answered."""
-        target = (self._config.system, 1)
+        target = (self._config.system, self._config.component)
         if self.unread:
             return [("PARAM_REQUEST_READ", READ.pack(-1, *target, name.encode())) for name in self.unread]
         owed = []

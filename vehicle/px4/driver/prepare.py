@@ -35,7 +35,7 @@ class GroundPhases(LinkCore):
             if self._elapsed(10.0):
                 self._since = self._t
                 others = ", ".join(f"{system}/{component}" for system, component in sorted(autopilot.other_senders))
-                wanted = f"system {self._config.system}, component {px4.PX4_COMPONENT}"
+                wanted = f"system {self._config.system}, component {self._config.component}"
                 refused = self.counters["unsigned_frames"]
                 unsigned = f"; {refused} frames without a valid signature were refused" if refused else ""
                 self._note("warning", f"no PX4 received as {wanted} yet (received: {others or 'nothing'}){unsigned}")

@@ -32,7 +32,7 @@ class Sender:
     """Packs, signs if configured, and sends. `sent` counts frames."""
 
     def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
-        self._wire, self._origin, self._target = wire, config.origin, (config.system, px4.PX4_COMPONENT)
+        self._wire, self._origin, self._target = wire, config.origin, (config.system, config.component)
         self._packer = Packer(OUR_SYSTEM, OUR_COMPONENT)
         self.signer = Signer(config.signing) if config.signing else None
         self._now_ns = 0

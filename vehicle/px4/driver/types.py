@@ -88,7 +88,8 @@ class LinkConfig:
     start: tuple[float, float, float, float]
     origin: Vec3 = (0.0, 0.0, 0.0)
     hover_thrust: float = 0.5
-    system: int = 1
+    system: int = 1  # MAV_SYS_ID of the autopilot
+    component: int = 1  # MAV_COMP_ID of the autopilot
     arm: bool = True  # False: waits in phase ready for `Px4Link.allow_arming`
     parameters: Mapping[str, float] = field(default_factory=lambda: {"COM_OF_LOSS_T": 0.3, "COM_OBL_RC_ACT": 4})
     required: tuple[str, ...] = ("COM_OF_LOSS_T", "COM_OBL_RC_ACT")  # an autopilot without these is not armed
@@ -121,6 +122,8 @@ class LinkConfig:
             raise ValueError(f"steepest attitude {self.steepest} rad: it must lie between 0 and pi/2")
         if not 1 <= self.system <= 255:
             raise ValueError(f"MAVLink system {self.system}: 1 to 255 (PX4 instance i is system 1 + i)")
+        if not 1 <= self.component <= 255:
+            raise ValueError(f"MAVLink component {self.component}: 1 to 255 (PX4 is component 1)")
         positive = ("goto_speed", "goto_acceleration", "hover_position", "hover_speed", "gap_limit", "answer_limit")
         for name in positive:
             if not getattr(self, name) > 0.0:

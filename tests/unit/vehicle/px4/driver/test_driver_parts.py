@@ -279,7 +279,7 @@ def test_validly_signed_frames_are_accepted_once():
 @pytest.mark.parametrize(
     "data",
     [
-        signed(key=bytes(32)),
+        signed(key=bytes(range(1, 33))),
         signed()[:-1] + bytes((signed()[-1] ^ 1,)),
         signed(stamp_ns=-90 * SECOND),  # recorded long ago
         Packer(1, 1).pack(MESSAGE, 5, 6, 0, 0),
