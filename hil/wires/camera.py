@@ -38,8 +38,15 @@ class Picture(NamedTuple):
     sequence: int
 
 
+class Damaged(NamedTuple):
+    """A picture that came and could not be decoded, with the reason."""
+
+    why: str
+
+
 class CameraWire(Protocol):
-    """A camera. `lost`: empty, or why no more pictures come; `dropped`: pictures that were replaced untaken."""
+    """A camera. `lost`: empty, or why no more pictures come; `dropped`: pictures that were replaced untaken;
+    `damaged`: pictures that could not be decoded."""
 
     mode: Mode
     source: str
@@ -48,6 +55,8 @@ class CameraWire(Protocol):
     def lost(self) -> str: ...
     @property
     def dropped(self) -> int: ...
+    @property
+    def damaged(self) -> int: ...
 
     def take(self, now_ns: int, /) -> Picture | None:
         """The newest picture that was not taken yet, or None. Never blocks, never raises."""
@@ -57,12 +66,12 @@ class CameraWire(Protocol):
 
 
 class Capture(Protocol):
-    """A device as its library gives it: `read` blocks until the next picture, and gives None once there is none.
+    """A device as its library gives it: `read` blocks until the next picture, and gives None once the device is gone.
 
     The number is the driver's time stamp on the monotonic clock (ns), or None. `trouble`: the device's last error.
     """
 
-    def read(self) -> tuple[np.ndarray, int | None] | None: ...
+    def read(self) -> tuple[np.ndarray, int | None] | Damaged | None: ...
 
     @property
     def trouble(self) -> str: ...
@@ -95,7 +104,7 @@ class NewestPicture:
         self._delay_ns, self._offset_ns = arrival_delay_ns, stamp_offset_ns
         self._lock = threading.Lock()
         self._newest: tuple[int, np.ndarray, int] | None = None
-        self._count = self._dropped = self.unstamped = 0
+        self._count = self._dropped = self._damaged = self.unstamped = 0
         self._lost = ""
         self._last_ns = clock()
         self._closing = False
@@ -106,13 +115,19 @@ class NewestPicture:
     def lost(self) -> str:
         """Why no more pictures come; empty while they do."""
         if not self._lost and self._clock() - self._last_ns > SILENCE_NS and not self._closing:
-            self._lost = f"camera {self.source} is silent: no picture for {SILENCE_NS / 1e9:g} s"
+            damaged = f" ({self._damaged} damaged ones came)" if self._damaged else ""
+            self._lost = f"camera {self.source} is silent: no picture for {SILENCE_NS / 1e9:g} s{damaged}"
         return self._lost
 
     @property
     def dropped(self) -> int:
         """Pictures that a newer one replaced before they were taken."""
         return self._dropped
+
+    @property
+    def damaged(self) -> int:
+        """Pictures that could not be decoded: they are left out, and the age limit alone makes the camera lost."""
+        return self._damaged
 
     def take(self, now_ns: int, /) -> Picture | None:
         """The newest picture not taken yet. A device keeps real time and does not use `now_ns`."""
@@ -143,6 +158,9 @@ class NewestPicture:
             if read is None:
                 self._end(f"camera {self.source} is gone" + (f": {why}" if why else ""))
                 return
+            if isinstance(read, Damaged):
+                self._damaged += 1
+                continue
             pixels, stamp_ns = read
             if pixels.shape != (self.mode.height, self.mode.width):
                 self._end(
@@ -197,3 +215,19 @@ def wait_for_picture(camera: NewestPicture, limit_s: float = 5.0) -> NewestPictu
         camera._last_ns = camera._clock()
         time.sleep(0.01)
     return camera
+
+
+def measured_rate(camera: NewestPicture, seconds: float = 1.0) -> float:
+    """Rate (Hz) at which pictures arrive at `camera`, decodable or not, measured over `seconds`; 0 without pictures."""
+    first, began = camera._count + camera._damaged, time.monotonic()
+    at_first = at_last = 0.0
+    seen = first
+    while time.monotonic() - began < seconds:
+        count = camera._count + camera._damaged
+        if count > seen:
+            at_last = time.monotonic()
+            if not at_first:
+                first, at_first = count, at_last
+            seen = count
+        time.sleep(0.001)
+    return (seen - first) / (at_last - at_first) if at_last > at_first else 0.0
