@@ -152,6 +152,7 @@ class Rig(_Section):
     """One rig file."""
 
     title: str
+    crew_keys: tuple[str, ...] = Field(default=(), description="public keys (PEM, Ed25519): a go must be signed by one")
     vehicle: VehicleSlot = VehicleSlot()
     groundcar: GroundcarSlot = GroundcarSlot()
     camera: CameraSlot = CameraSlot()

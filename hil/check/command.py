@@ -12,6 +12,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -21,6 +22,7 @@ from hil.bench.devices import Context, subject
 from hil.check import records
 from hil.check.catalogue import checks
 from hil.check.checklist import Checklist, load_checklist
+from hil.check.crew_key import load_crew_key
 from hil.check.junit import write_junit
 from hil.check.keyboard import Keyboard
 from hil.check.operator_terminal import OperatorTerminal
@@ -55,11 +57,13 @@ class CheckRequest:
     junit_file: Path | None
     endpoint: str = ""
     keys: Path | None = None
+    crew_key: Path | None = None  # signs the record
 
 
 def run_checklist(request: CheckRequest) -> int:
     """Load the list, run it, sign, write and print the record; returns the exit code."""
     try:
+        key = load_crew_key(request.crew_key) if request.crew_key is not None else None
         checklist = load_checklist(request.list_name)
         context, about = _context(request)
         path, record = _open_record(request, checklist, list_subject(checklist, about))
@@ -67,7 +71,13 @@ def run_checklist(request: CheckRequest) -> int:
         operator = request.operator or (terminal.operator(_login()) if terminal.interactive else "")
         with _locked(path), closing_devices(context):
             return _run_session(
-                request, Session(checklist, context, record, path, terminal, operator), record, path, terminal, operator
+                request,
+                Session(checklist, context, record, path, terminal, operator),
+                record,
+                path,
+                terminal,
+                operator,
+                key,
             )
     except (ConfigError, ProvenanceError, RecordError, ValueError) as error:
         print(f"perch-hil: {error}", file=sys.stderr)
@@ -78,7 +88,13 @@ def run_checklist(request: CheckRequest) -> int:
 
 
 def _run_session(
-    request: CheckRequest, session: Session, record: Record, path: Path, terminal: OperatorTerminal, operator: str
+    request: CheckRequest,
+    session: Session,
+    record: Record,
+    path: Path,
+    terminal: OperatorTerminal,
+    operator: str,
+    key: Ed25519PrivateKey | None,
 ) -> int:
     aborted = False
     try:
@@ -89,7 +105,7 @@ def _run_session(
             terminal.summary(record, _verdict(code, record), str(path))
             sign = terminal.sign(record)
         if sign:
-            record.sign(operator, datetime.now(UTC))
+            record.sign(operator, datetime.now(UTC), key)
             records.write(path, record)
     except (KeyboardInterrupt, EOFError):
         aborted = True
@@ -103,7 +119,9 @@ def _run_session(
 
 def _verdict(code: int, record: Record) -> str:
     sign = record.sign_off
-    signed = f", signed by {sign['operator']} at {sign['utc']}" if sign else ""
+    how = "signed" if record.state == "signed" else "sealed"
+    key = f" with key {sign['key']}" if sign and "key" in sign else ""
+    signed = f", {how} by {sign['operator']}{key} at {sign['utc']}" if sign else ""
     if code == GO:
         return f"GO{signed}"
     if code == NO_GO:

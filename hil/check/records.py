@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired
 
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from pydantic import BaseModel, ValidationError
 from typing_extensions import TypedDict
 
+from hil.check.crew_key import fingerprint, sign_digest, verifies
 from hil.check.judge import Outcome, Value
 
 FORMAT = 1
@@ -67,6 +69,8 @@ class SignOff(TypedDict):
     operator: str
     utc: str
     sha256: str
+    key: NotRequired[str]  # fingerprint of the crew's key; without one the record is only sealed by its digest
+    signature: NotRequired[str]
 
 
 @dataclass
@@ -81,8 +85,10 @@ class Record:
 
     @property
     def state(self) -> str:
-        """`incomplete` until signed off."""
-        return "signed" if self.sign_off else "incomplete"
+        """`incomplete` until signed off; then `signed` with a key of the crew, or `sealed` by a digest only."""
+        if self.sign_off is None:
+            return "incomplete"
+        return "signed" if self.sign_off.get("signature") else "sealed"
 
     def exit_code(self) -> int:
         """NO_GO, INCOMPLETE or GO by the items alone, without the sign-off."""
@@ -92,7 +98,7 @@ class Record:
         return GO if all(passed(entry) for entry in self.entries) else INCOMPLETE
 
     def content(self) -> dict[str, Any]:
-        """What is signed."""
+        """What the sign-off covers."""
         code = self.exit_code()
         return {
             "format": FORMAT,
@@ -108,17 +114,28 @@ class Record:
         """The file's content."""
         return {"state": self.state, **self.content(), "sign_off": self.sign_off}
 
-    def sign(self, operator: str, utc: datetime) -> None:
-        """Sign what is in it now. Raises RecordError without a name."""
+    def sign(self, operator: str, utc: datetime, key: Ed25519PrivateKey | None = None) -> None:
+        """Sign off what is in it now, with the crew's `key` if given. Raises RecordError without a name."""
         if not operator.strip():
             raise RecordError("signing needs an operator's name")
         digest = _digest(self.content(), operator.strip(), iso(utc))
-        self.sign_off = {"operator": operator.strip(), "utc": iso(utc), "sha256": digest}
+        self.sign_off = SignOff(operator=operator.strip(), utc=iso(utc), sha256=digest)
+        if key is not None:
+            self.sign_off["key"] = fingerprint(key.public_key())
+            self.sign_off["signature"] = sign_digest(key, digest)
 
     def genuine(self) -> bool:
-        """True if signed, and nothing in it has changed since."""
+        """True if signed off, and nothing in it has changed since: a digest, which anyone can compute anew."""
         sign = self.sign_off
         return sign is not None and sign.get("sha256") == _digest(self.content(), sign["operator"], sign["utc"])
+
+    def signed_by(self, keys: Mapping[str, Ed25519PublicKey]) -> bool:
+        """True if unchanged since it was signed with one of `keys` (by fingerprint)."""
+        sign = self.sign_off
+        key = keys.get(sign.get("key", "")) if sign is not None else None
+        if sign is None or key is None or not self.genuine():
+            return False
+        return verifies(key, sign["sha256"], sign.get("signature", ""))
 
 
 class _File(BaseModel):

@@ -27,6 +27,7 @@ def check(
     records: Annotated[Path, typer.Option(help="where records go and where arming looks for them")] = Path("checks"),
     operator: Annotated[str | None, typer.Option(help="your name; asked for if there is a terminal")] = None,
     sign: Annotated[bool, typer.Option("--sign", help="sign a go without asking; needs --operator")] = False,
+    crew_key: Annotated[Path | None, typer.Option("--key", help="the crew's Ed25519 key (PEM), to sign with")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="begin anew even if a record is open")] = False,
     run: Annotated[Path | None, typer.Option(help="run to look back on [default: the newest under --out]")] = None,
     out: Annotated[Path, typer.Option(help="where run folders go")] = Path("runs"),
@@ -70,6 +71,7 @@ def check(
         junit_file=junit_file,
         endpoint=endpoint,
         keys=keys,
+        crew_key=crew_key,
     )
     raise typer.Exit(run_checklist(request))
 

@@ -82,7 +82,7 @@ def finish(console: Console, places=(1, 3, 5), sign: str = "y") -> tuple[int, st
 def test_a_whole_walk_signed_is_a_go(listed):
     code, text = finish(start(listed, json_file=listed / "out.json", junit_file=listed / "out.xml"))
     assert code == 0
-    assert "GO, signed by Ann" in text
+    assert "GO, sealed by Ann" in text
     record = records.read(listed / "record.json")
     assert record.genuine()
     assert [e.outcome for e in record.entries] == [Outcome.PASS] * 6
@@ -179,7 +179,7 @@ def test_a_failed_item_with_its_reason_is_a_no_go(listed):
     console.wait_for("leave it unsigned")
     console.type("y")
     code, text = console.end()
-    assert (code, "NO-GO, signed by Ann" in text) == (1, True)
+    assert (code, "NO-GO, sealed by Ann" in text) == (1, True)
     record = records.read(listed / "record.json")
     assert record.entries[1].reason == "blade is cracked"
     assert record.entries[3].outcome is Outcome.PENDING

@@ -115,7 +115,7 @@ def test_a_policy_file_changed_since_is_refused(go, tmp_path):
 def test_an_edited_record_is_refused(go, tmp_path):
     path = go(outcome=Outcome.FAIL)
     path.write_text(path.read_text().replace('"FAIL"', '"PASS"'))
-    with pytest.raises(NotClearedError, match="changed after it was signed"):
+    with pytest.raises(NotClearedError, match="changed after it was signed off"):
         clear(tmp_path)
 
 

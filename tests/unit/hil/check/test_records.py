@@ -32,7 +32,7 @@ def test_a_record_reads_back_as_it_was_written(record, tmp_path):
 def test_incomplete_until_signed(record, tmp_path):
     assert json.loads((tmp_path / "record.json").read_text())["state"] == "incomplete"
     record.sign(" Ann ", NOW)
-    assert record.as_dict()["state"] == "signed"
+    assert record.as_dict()["state"] == "sealed"
     assert record.sign_off["operator"] == "Ann"
     assert record.sign_off["utc"] == "2026-01-02T03:04:05Z"
 
