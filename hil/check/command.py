@@ -146,7 +146,7 @@ def _context(request: CheckRequest) -> tuple[Context, dict[str, Any]]:
 
 
 def _open_record(request: CheckRequest, checklist: Checklist, about: dict[str, Any]) -> tuple[Path, Record]:
-    """The record to work on: the named one, an open one of today, or a new one."""
+    """The record to use: the named one, a recent open one, or a new one."""
     now = datetime.now(UTC)
     if request.record is not None and request.record.exists():
         record = records.read(request.record)

@@ -17,7 +17,7 @@ from hil.assembly.rig import Rig
 from hil.bench.devices import subject
 from hil.check import records
 from hil.check.crew_key import CrewKeyError, load_public_keys
-from hil.check.records import GO, Record
+from hil.check.records import GO, NO_GO, Record
 from scenarios.spec import Scenario
 
 FRESH = timedelta(hours=4)
@@ -136,7 +136,7 @@ def refusal(
             return f"is not signed by its key {key}, or not by a key of this rig's crew"
         return "is only sealed: this rig demands the signature of a crew key"
     if record.exit_code() != GO:
-        return f"says {records.VERDICTS[record.exit_code()]}"
+        return "is a no-go" if record.exit_code() == NO_GO else "is incomplete: not every item is known"
     for name in _SAME:
         if record.subject.get(name) != wanted[name]:
             return f"is for another {name.removesuffix('_sha256').replace('_', ' ')}{_difference(record, wanted, name)}"

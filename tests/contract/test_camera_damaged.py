@@ -35,7 +35,7 @@ class Device:
         pass
 
 
-def test_damaged_picture_is_told_from_a_device_that_is_gone():
+def test_damaged_picture_differs_from_a_lost_device():
     capture = OpenCvCapture(Device(picture(1), None, cv2.error("bad JPEG"), np.zeros((0, 0), np.uint8)), stamped=False)
     first = capture.read()
     assert isinstance(first, tuple)

@@ -1,4 +1,4 @@
-"""Time stamps of cameras, and what can be wrong with one: told in a line, counted, never raised in flight."""
+"""Time stamps of cameras, and their faults: reported in one line, counted, not raised in flight."""
 
 import time
 
@@ -26,7 +26,7 @@ def fake_gst(tmp_path, monkeypatch):
 
 
 class Scripted:
-    """A capture that gives what it is told to, and then waits, or ends."""
+    """A capture that gives the scripted reads, and then waits, or ends."""
 
     def __init__(self, *reads, then=None):
         self.reads, self.then, self.trouble, self.closed = list(reads), then, "", False

@@ -156,7 +156,7 @@ def test_it_resends_the_last_set_point_by_itself_and_kills_in_the_air(flight):
     offboard.set_attitude_rate(AttitudeRate(0.0, 0.0, 20.0, hover))
     offboard.start()
     wait(lambda: telemetry.flight_mode() == FlightMode.OFFBOARD, 3.0, "OFFBOARD")
-    time.sleep(1.5)  # nobody calls: with COM_OF_LOSS_T 1.0 s a stream that stopped would be a failsafe by now
+    time.sleep(1.5)  # no calls: with COM_OF_LOSS_T 1.0 s a stream that stopped would be a failsafe by now
     assert telemetry.flight_mode() == FlightMode.OFFBOARD
     assert not sim.flight.failsafe
     assert sim.truth().body_rate[2] < -math.radians(12.0), "clockwise from above is negative in FLU"

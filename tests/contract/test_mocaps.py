@@ -1,4 +1,4 @@
-"""Motion capture over VRPN: the library's client against a server that speaks the protocol, and the node on top."""
+"""Motion capture over VRPN: the library's client with a server of that protocol, and the node."""
 
 import math
 import sys
@@ -35,7 +35,7 @@ def bodies(t, **more):
 
 
 class Feeder:
-    """Streams at 100 Hz of the wall clock for as long as somebody asks `until`."""
+    """Streams at 100 Hz of the wall clock while `until` runs."""
 
     def __init__(self, server):
         self.server, self.start = server, time.monotonic()
@@ -123,7 +123,7 @@ def test_a_missing_package_is_named(monkeypatch):
 
 
 class FakeWire:
-    """Gives what it is told to."""
+    """Gives the scripted poses."""
 
     def __init__(self):
         self.lost, self.poses, self.closed = "", [], False

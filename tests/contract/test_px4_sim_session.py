@@ -13,7 +13,7 @@ from vehicle.px4.codec import Parser
 from vehicle.px4.sim.params import Parameters
 
 API = FACTS["api"]
-# What PX4 says on its own account and this one does not (or not as often): health reports as EVENTs, log names.
+# Texts that PX4 sends by itself and the software PX4 does not (or less often): health reports as EVENTs, log names.
 NOT_COUNTED = {"EVENT", "STATUSTEXT", "COMMAND_ACK", "COMMAND_LONG", "PARAM_VALUE", "ATTITUDE_TARGET"}
 
 

@@ -35,7 +35,7 @@ def test_frames_arrive_in_order_both_ways_and_never_come_back(can_ends, sent):
         assert sender.receive() == []
 
 
-def test_equal_frames_of_both_ends_are_told_apart(can_ends):
+def test_equal_frames_of_both_ends_arrive_once_each(can_ends):
     a, b = can_ends
     same = CanFrame(0x111, bytes(8))
     a.send(same)

@@ -20,7 +20,7 @@ def test_the_first_partner_is_kept_as_px4_keeps_it():
         px4 = UdpWire((LOCAL, 0), at(default), partner="first", accept_others=True)
         for wire in (default, first, second, px4):
             stack.callback(wire.close)
-        px4.send(b"telemetry")  # PX4 speaks first, without having heard anything
+        px4.send(b"telemetry")  # PX4 sends first, without having received anything
         assert collect(default, bool) == [b"telemetry"]
         first._peer = second._peer = at(px4)
         first.send(b"1")

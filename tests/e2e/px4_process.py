@@ -1,4 +1,4 @@
-"""The software PX4 as a SITL is: a process of its own that boots, speaks first to a UDP port, and lags wall time.
+"""The software PX4 like a SITL: a separate process that boots, sends first to a UDP port, and lags wall time.
 
 `python px4_process.py PORT [SPEED]`: instance 0 of a PX4 on a free port, speaking to 127.0.0.1:PORT; SPEED is PX4 time
 over wall time. Runs until told to stop; the last line that it prints says how its flight went.

@@ -98,7 +98,7 @@ def test_a_live_run_leaves_what_a_lockstep_run_leaves_and_can_be_replayed(tmp_pa
     assert all(one["state"] == "stopped" for name, one in table["services"].items())
     found = replay_run(run.path)
     assert {t.topic for t in found.topics} >= {"belief", "run/stage", "car/command", "mocap/board"}
-    if not any("not in the recording" in t.first for t in found.topics):  # the bus may drop under load, and says so
+    if not any("not in the recording" in t.first for t in found.topics):  # the bus reports drops under load
         assert found.same, found.lines()
 
 
@@ -142,7 +142,7 @@ def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang
     truth = [entry.message for entry in recording.messages(["truth/vehicle"])]
     assert len(truth) > 50
     assert recording.complete == (service != "recorder")
-    if service == "vehicle_device":  # nothing flies any more, and nobody can say so
+    if service == "vehicle_device":  # the simulated vehicle has ended, so nothing reports it
         assert any(remark.startswith("vehicle_link did not say") for remark in remarks)
     elif service == "vehicle_link":  # the autopilot lands by itself
         assert truth[-1].velocity[2] < -0.2 or truth[-1].position[2] < 0.4

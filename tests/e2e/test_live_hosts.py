@@ -65,7 +65,7 @@ def hosts(tmp_path):
 
 @pytest.fixture
 def keys(hosts, tmp_path):
-    """host -> its folder: nobody has more than the files of what runs there."""
+    """host -> its folder, with the files of the services on that host only."""
     whole = tmp_path / "keys"
     subprocess.run([PERCH, "keys", str(whole), "--host", hosts.address], check=True, capture_output=True)
     here, there = shutil.copytree(whole, tmp_path / "here"), tmp_path / "there"
@@ -79,7 +79,7 @@ def keys(hosts, tmp_path):
 
 @pytest.fixture
 def start(hosts, tmp_path):
-    """Starts `perch-hil ...` on a host; what it says is in `.said()` once it has ended."""
+    """Starts `perch-hil ...` on a host; `.said()` is its output once it has ended."""
     running = []
 
     def started(host, *words):

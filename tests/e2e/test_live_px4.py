@@ -27,7 +27,7 @@ PROGRAM = Path(__file__).parent / "px4_process.py"
 
 @contextlib.contextmanager
 def autopilot(port, speed):
-    """A running PX4; afterwards `told` holds what it says of its flights."""
+    """A running PX4; afterwards `told` holds its report of the flights."""
     process = subprocess.Popen(
         [sys.executable, str(PROGRAM), str(port), str(speed)], stdout=subprocess.PIPE, text=True, bufsize=1
     )

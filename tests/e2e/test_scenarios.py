@@ -29,7 +29,7 @@ PERCH_HIL = [sys.executable, "-c", "from hil.cli.main import main; main()"]
 
 @pytest.fixture(scope="module")
 def code():
-    """Asked once, so that somebody's editor does not tell two runs of this module apart."""
+    """Computed once, so that an edit during the tests does not change it between two runs."""
     return provenance.code()
 
 

@@ -83,7 +83,7 @@ def test_an_autopilot_on_udp_is_read_without_arming_it(tmp_path):
             context.forget()
 
 
-def test_a_car_on_a_can_bus_really_stops(tmp_path):
+def test_car_on_a_can_bus_stops(tmp_path):
     wire = open_can("virtual", "check")
     sim = ScoutSim(wire)
     context = with_rig(tmp_path, groundcar={"kind": "can", "interface": "virtual", "channel": "check"})

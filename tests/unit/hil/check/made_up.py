@@ -1,4 +1,4 @@
-"""Made-up checklists, a scripted operator, and checks that do as a test tells them."""
+"""Checklists for tests, a scripted operator, and checks with scripted results."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def finish(console: Console, places=(1, 3, 5), sign: str = "y") -> tuple[int, st
     return console.end()
 
 
-def test_a_whole_walk_signed_is_a_go(listed):
+def test_completed_and_signed_off_list_is_a_go(listed):
     code, text = finish(start(listed, json_file=listed / "out.json", junit_file=listed / "out.xml"))
     assert code == 0
     assert "GO, sealed by Ann" in text
@@ -91,14 +91,14 @@ def test_a_whole_walk_signed_is_a_go(listed):
     assert "<testsuites" in (listed / "out.xml").read_text()
 
 
-def test_a_go_that_is_not_signed_is_incomplete(listed):
+def test_go_without_sign_off_is_incomplete(listed):
     code, text = finish(start(listed), sign="n")
     assert (code, "not signed off" in text) == (4, True)
     assert records.read(listed / "record.json").state == "incomplete"
 
 
 @pytest.mark.parametrize("place", range(6))
-def test_kill_9_at_each_item_loses_nothing_and_the_next_sitting_goes_on(listed, place):
+def test_kill_9_at_each_item_loses_nothing_and_the_next_session_resumes(listed, place):
     hold = listed / f"hold-{place}"
     if place % 2 == 0:
         hold.touch()
@@ -128,7 +128,7 @@ def test_kill_9_at_each_item_loses_nothing_and_the_next_sitting_goes_on(listed, 
     assert len(list(listed.glob("reached-*"))) == 3  # automatic items ran again, all of them
 
 
-def test_ctrl_c_at_a_question_keeps_the_record_and_says_how_to_go_on(listed):
+def test_ctrl_c_at_a_question_keeps_the_record_for_resuming(listed):
     console = start(listed)
     answer(console, 1)
     console.wait_for(QUESTIONS[3])
@@ -185,7 +185,7 @@ def test_a_failed_item_with_its_reason_is_a_no_go(listed):
     assert record.entries[3].outcome is Outcome.PENDING
 
 
-def test_a_failing_device_mended_on_the_spot_is_tried_again(listed):
+def test_repaired_device_is_tried_again(listed):
     (listed / "bad-2").touch()
     console = start(listed)
     answer(console, 1)
@@ -245,7 +245,7 @@ class TestWithoutATerminal:
         assert run_checklist(check_request(listed, self.automatic(listed), sign=True)) == 1
         assert records.read(listed / "record.json").sign_off is None
 
-    def test_an_open_record_of_today_is_gone_on_with_and_fresh_begins_anew(self, listed, capsys):
+    def test_recent_open_record_is_resumed_and_fresh_begins_a_new_one(self, listed, capsys):
         for fresh, count in ((False, 1), (False, 1), (True, 2)):
             run_checklist(check_request(listed, listed / "list.toml", record=None, fresh=fresh))
             assert len(list((listed / "checks").glob("*.json"))) == count
@@ -270,7 +270,7 @@ class TestWithoutATerminal:
         assert len(error.strip().splitlines()) == 1
         assert not (listed / "record.json").exists()
 
-    def test_a_record_for_something_else_or_signed_is_not_gone_on_with(self, listed, capsys):
+    def test_record_for_another_subject_or_signed_off_is_not_resumed(self, listed, capsys):
         path = self.automatic(listed)
         asked = check_request(listed, path, sign=True)
         assert run_checklist(check_request(listed, path)) == 4

@@ -71,8 +71,8 @@ def test_no_record_is_refused_with_the_command_to_run(tmp_path):
     ("made", "says"),
     [
         ({"sign": False}, "is not signed off"),
-        ({"outcome": Outcome.FAIL}, "says no-go"),
-        ({"outcome": Outcome.UNKNOWN}, "says incomplete"),
+        ({"outcome": Outcome.FAIL}, "is a no-go"),
+        ({"outcome": Outcome.UNKNOWN}, "is incomplete"),
         ({"age": timedelta(hours=4, minutes=1)}, "a go lasts 4 h"),
         ({"age": timedelta(minutes=-10)}, "in the future"),
         ({"name": "other"}, "another rig: other, not bench"),
@@ -82,7 +82,7 @@ def test_no_record_is_refused_with_the_command_to_run(tmp_path):
         ({"kind": "other"}, "no preflight record"),
     ],
 )
-def test_everything_else_is_refused_and_says_why(go, tmp_path, made, says):
+def test_record_that_does_not_fit_is_refused_with_the_reason(go, tmp_path, made, says):
     go(**made)
     with pytest.raises(NotClearedError, match=says):
         clear(tmp_path)
@@ -119,13 +119,13 @@ def test_an_edited_record_is_refused(go, tmp_path):
         clear(tmp_path)
 
 
-def test_an_older_go_still_counts_beside_a_newer_one_for_something_else(go, tmp_path):
+def test_older_go_clears_beside_a_newer_one_for_another_scenario(go, tmp_path):
     go(age=timedelta(hours=1))
     go(scenario="simple-i", age=timedelta(minutes=1))
     assert clear(tmp_path).signed_utc == "2026-01-02T11:00:00Z"
 
 
-def test_the_override_needs_a_reason_which_is_kept_with_what_it_overrode(tmp_path):
+def test_override_needs_a_reason_and_is_kept_with_the_refusal(tmp_path):
     for empty in ("", "  ", "yes"):
         with pytest.raises(NotClearedError, match="reason in words"):
             clear(tmp_path, override=empty)

@@ -102,7 +102,7 @@ def test_a_group_stays_closed_until_the_one_before_passed_and_its_items_are_all_
     assert record.exit_code() == NO_GO
 
 
-def test_trying_again_asks_only_what_did_not_pass_and_keeps_what_it_was(tmp_path):
+def test_retry_asks_only_failed_items_and_keeps_their_history(tmp_path):
     made = checklist([{"ask": "A"}, {"ask": "B"}], [{"ask": "C"}])
     record = record_of(made)
     interface = run_session(made, record, tmp_path, Operator({"A": [FAIL, PASS]}, again=1))
@@ -141,7 +141,7 @@ def test_back_at_the_first_question_asks_it_again(tmp_path):
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, EOFError])
 @pytest.mark.parametrize("at", ["A", "B", "C"])
-def test_an_interruption_leaves_a_record_that_goes_on(end, at, tmp_path):
+def test_interrupted_record_can_be_resumed(end, at, tmp_path):
     made = checklist([{"check": "test.it"}, {"ask": "A"}, {"ask": "B"}], [{"ask": "C"}])
     reads = []
     with registered("test.it", lambda context: Reading(len(reads)) if not reads.append(1) else Reading()):

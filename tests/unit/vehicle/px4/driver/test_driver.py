@@ -107,7 +107,7 @@ def test_commanded_rates_are_reached_in_flu(axis, rate):
 
 @pytest.mark.parametrize("factor", [0.85, 1.0, 1.15])
 def test_thrust_is_mass_normalised_by_the_learned_hover(factor):
-    """The vehicle is lighter or heavier for its motors than its file says; an asked m/s^2 is still an m/s^2."""
+    """The vehicle is lighter or heavier for its motors than its file says; a commanded m/s^2 stays an m/s^2."""
     from vehicle.quadrotor import airframe as af
 
     row = af.load_airframe("paper_quad").params_row()

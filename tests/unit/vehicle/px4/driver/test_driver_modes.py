@@ -1,4 +1,4 @@
-"""What the driver believes of PX4's modes: the first ACK of a mode change, and HEARTBEATs that stop, say little."""
+"""PX4's mode in the driver: after the first ACK of a mode change, and when HEARTBEATs stop."""
 
 from tests.unit.vehicle.px4.driver.driver_bench import MS, Bench
 from vehicle.px4 import protocol as px4
@@ -13,7 +13,7 @@ def hover(_):
 
 
 def test_first_ack_of_a_mode_change_does_not_set_the_mode():
-    """PX4 says ACCEPTED before it has looked; the refusal comes in a second ACK."""
+    """PX4 sends ACCEPTED before it checks the mode; the refusal comes in a second ACK."""
     bench, acks = Bench(), Parser()
     asked = bench.sim.commander.request_mode
 

@@ -66,7 +66,7 @@ def test_a_known_offset_stays():
     assert (clock.offset_ns, clock.ours(3)) == (-7, 10)
 
 
-def test_link_time_is_px4_s_and_ours_while_it_is_silent():
+def test_link_time_is_px4s_and_ours_without_stamps():
     time, now = LinkTime(), 0
     for _ in range(20):  # no stamp received: our time
         time.advance(now := now + 50 * MS)

@@ -123,7 +123,7 @@ def test_dead_motor_fails_before_the_hand_over():
     assert not bench.sent
 
 
-# who flies
+# control
 
 
 def test_control_is_not_resumed_after_a_gap():
@@ -154,7 +154,7 @@ def test_gap_shorter_than_the_limit_keeps_control():
     assert bench.sim.flight.active == px4.OFFBOARD
 
 
-def test_a_pilot_who_takes_over_keeps_control():
+def test_pilot_keeps_control_after_taking_over():
     bench = Bench(gcs=True).to("hover")
     bench.run(0.5, hover)
     pilot = client()

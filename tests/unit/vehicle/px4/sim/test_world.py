@@ -188,7 +188,7 @@ def test_a_stamped_board_pose_is_met_at_its_time(ahead):
     assert np.ptp(gaps[5:], axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
-def test_a_killed_vehicle_on_the_board_stays_there_and_is_landed():
+def test_killed_vehicle_on_the_board_is_landed():
     rig = Rig().fly_to_hover()
     rig.sim.attach((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
     rig.run(100)
@@ -199,7 +199,7 @@ def test_a_killed_vehicle_on_the_board_stays_there_and_is_landed():
     assert rig.flight.landed
 
 
-def test_a_dead_motor_tips_it_over():
+def test_vehicle_tips_over_with_a_dead_motor():
     rig = Rig().fly_to_hover()
     rig.sim.fail_motor(2)
     rig.run(500)
