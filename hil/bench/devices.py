@@ -15,9 +15,10 @@ from hil.assembly.rig import Rig
 from hil.bench.camera import CameraBench, Quat
 from hil.bench.camera_device import DeviceBench
 from hil.bench.car import CarBench
+from hil.bench.failsafes import TrialReport, try_failsafes
 from hil.bench.mocap import MocapReport, measure_mocap
 from hil.bench.reading import NotApplicable, Unavailable
-from hil.bench.vehicle import Bench, GroundReport, SimulatedBench, TrialReport, live_bench, read_ground, try_failsafes
+from hil.bench.vehicle import Bench, GroundReport, SimulatedBench, live_bench, read_ground
 from hil.recording.runs import policy_identity
 from kernel.rotations import swap_attitude
 from scenarios.draw import Drawn, draw

@@ -1,8 +1,7 @@
-"""The autopilot on the bench: what it sends on its wire, and, if it is simulated, a test flight of its failsafes."""
+"""The autopilot on the bench: what it sends on its wire, real or simulated, at rest and disarmed."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +16,7 @@ from vehicle.px4.codec import MESSAGES, Packer, Parser
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.params import READ, VALUE, unpack_value
 from vehicle.px4.driver.types import LinkConfig, LinkOutput, Rates
-from vehicle.px4.sim.autopilot import Px4Sim, Truth
+from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor.airframe import Airframe
 
 _MS = 1_000_000
@@ -25,8 +24,6 @@ _ANSWER_LIMIT_NS = 20_000_000_000
 _LISTEN_NS = 2_000_000_000
 _HEALTH_LIMIT_NS = 10_000_000_000  # a PX4 that has just booted needs five seconds
 _START = (0.0, 0.0, 2.5, 0.0)
-_FLIGHT_LIMIT_NS = 120_000_000_000
-_GRAVITY = 9.80665
 
 
 class Tap:
@@ -90,18 +87,6 @@ class GroundReport:
         """Messages a second while listening."""
         count = sum(now >= self.until_ns - self.listened_ns for now, _ in self.received.get(name, ()))
         return count / (self.listened_ns * 1e-9)
-
-
-@dataclass(frozen=True)
-class TrialReport:
-    """Result of a test flight. Seconds; None: it did not happen."""
-
-    loss_s: float | None  # last set-point to the autopilot leaving OFFBOARD
-    loss_mode: str
-    kill_s: float | None  # kill command to disarmed
-    motors_off_s: float | None  # kill command to no thrust of any motor
-    notes: tuple[str, ...]
-    source: str = "software PX4, flown to a hover for it"
 
 
 class Bench:
@@ -210,55 +195,3 @@ class _Parameters(dict[str, float]):
                     self[name] = bench.tap.parameters[name]
                     return self[name]
         raise KeyError(name)
-
-
-def try_failsafes(airframe: Airframe, rig: Rig, drawn: Drawn) -> TrialReport:
-    """Fly to a hover, hand over, stop sending, measure the autopilot's reaction; then kill it in the air."""
-    bench = SimulatedBench(airframe, rig, drawn, arm=True)
-    if not _fly_to_hover(bench):
-        raise Unavailable(
-            f"the trial flight did not reach its hover: {'; '.join(bench.notes[-2:]) or bench.link.phase}"
-        )
-    last_ns = handed_ns = bench.clock.now_ns
-    while bench.clock.now_ns - handed_ns < 500 * _MS:
-        due = bench.clock.now_ns - last_ns >= 10 * _MS
-        last_ns = bench.clock.now_ns if due else last_ns
-        bench.step(Rates((0.0, 0.0, 0.0), _GRAVITY) if due else None)
-    loss_ns, mode = None, "OFFBOARD"
-    while loss_ns is None and bench.clock.now_ns - last_ns < 5_000_000_000:
-        output = bench.step()
-        if output.mode != "OFFBOARD":
-            loss_ns, mode = bench.clock.now_ns - last_ns, output.mode
-    kill_ns, motors_ns = _kill(bench)
-    return TrialReport(_seconds(loss_ns), mode, _seconds(kill_ns), _seconds(motors_ns), tuple(bench.notes))
-
-
-def _fly_to_hover(bench: Bench) -> bool:
-    while bench.clock.now_ns < _FLIGHT_LIMIT_NS:
-        output = bench.step()
-        if output.phase in ("hover", "failed"):
-            return output.phase == "hover"
-    return False
-
-
-def _kill(bench: SimulatedBench) -> tuple[int | None, int | None]:
-    asked = bench.clock.now_ns
-    bench.link.kill()
-    kill_ns = motors_ns = None
-    while bench.clock.now_ns - asked < 3_000_000_000 and (kill_ns is None or motors_ns is None):
-        output = bench.step()
-        after = bench.clock.now_ns - asked
-        if kill_ns is None and not output.armed:
-            kill_ns = after
-        if motors_ns is None and _still(bench.sim.truth()):
-            motors_ns = after
-    return kill_ns, motors_ns
-
-
-def _still(truth: Truth) -> bool:
-    """True once no motor gives more than 2 % of its thrust."""
-    return not truth.armed and max(map(math.fabs, truth.motors)) < 0.02
-
-
-def _seconds(ns: int | None) -> float | None:
-    return None if ns is None else ns * 1e-9

@@ -7,7 +7,7 @@ import math
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import MESSAGES as M
 from vehicle.px4.protocol import Command as Cmd
-from vehicle.px4.sim.messages import gps_global_origin
+from vehicle.px4.sim.motion_messages import gps_global_origin
 from vehicle.px4.sim.port import Port
 from vehicle.px4.sim.view import View
 

@@ -12,7 +12,7 @@ from vehicle.px4.codec import MESSAGES as M
 from vehicle.px4.codec import Frame
 from vehicle.px4.protocol import Command as Cmd
 from vehicle.px4.protocol import Result
-from vehicle.px4.sim import messages as build
+from vehicle.px4.sim.motion_messages import gps_global_origin
 from vehicle.px4.sim.params import HASH_NAME, NO_INDEX, UINT32, Parameters
 from vehicle.px4.sim.port import Port
 from vehicle.px4.sim.state import Command
@@ -175,7 +175,7 @@ class Receiver:
         elif id == 264:
             port.send_name("FLIGHT_INFORMATION", self._view.ms, 0, 0, 1, 0)
         elif id == 49:
-            build.gps_global_origin(self._view, port)
+            gps_global_origin(self._view, port)
         elif id == 242 and flight.home is None:
             return Result.DENIED
         else:
