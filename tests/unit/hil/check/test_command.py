@@ -282,7 +282,7 @@ class TestWithoutATerminal:
         with contextlib.suppress(OSError):
             (listed / "record.json").write_text("rubbish")
         assert run_checklist(asked) == 2
-        assert "no checklist record" in capsys.readouterr().err
+        assert "not a checklist record" in capsys.readouterr().err
 
     def test_two_terminals_do_not_work_on_one_record(self, listed, capsys):
         console = start(listed)
