@@ -18,9 +18,9 @@ WHEEL_BITS = ("under_voltage", "motor_hot", "over_current", "driver_hot", "can_l
 
 
 class CanWire(Protocol):
-    """A CAN bus: `receive` never blocks; frames are (can_id, data) pairs, sent ones are `scout_codec.Frame`."""
+    """A CAN bus: `receive` never blocks; frames are (can_id, data) pairs; `send` is False for a refused frame."""
 
-    def send(self, frame: Any, /) -> None: ...
+    def send(self, frame: Any, /) -> bool | None: ...
 
     def receive(self) -> Iterable[tuple[int, bytes]]: ...
 
