@@ -18,9 +18,9 @@ WHEEL_BITS = ("under_voltage", "motor_hot", "over_current", "driver_hot", "can_l
 
 
 class CanWire(Protocol):
-    """A CAN bus: `receive` never blocks; frames are (can_id, data) pairs, sent ones are `scout_codec.Frame`."""
+    """A CAN bus: `receive` never blocks; frames are (can_id, data) pairs; `send` is False for a refused frame."""
 
-    def send(self, frame: Any, /) -> None: ...
+    def send(self, frame: Any, /) -> bool | None: ...
 
     def receive(self) -> Iterable[tuple[int, bytes]]: ...
 
@@ -157,8 +157,7 @@ class ScoutLink:
             return
         on_grid = self._motion_ns is not None and now_ns - self._motion_ns < 2 * period
         self._motion_ns = self._motion_ns + period if on_grid and self._motion_ns is not None else now_ns
-        self._wire.send(self._motion_frame(command))
-        self._sent += 1
+        self._sent += self._wire.send(self._motion_frame(command)) is not False  # a refused frame was not sent
 
     def _motion_frame(self, command: Any) -> Frame:
         speed = min(max(command.speed, -self._limits.speed), self._limits.speed)

@@ -24,7 +24,11 @@ class VehicleSlot(_Section):
     its true pose in what they see."""
 
     kind: Literal["sim", "mavlink"] = "sim"
-    url: str = Field(default="", description="of kind mavlink: udp://:14540, tcp://HOST:PORT, serial:///dev/ttyACM0")
+    url: str = Field(
+        default="", description="of kind mavlink: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0"
+    )
+    system: int = Field(default=1, ge=1, le=255, description="of kind mavlink: MAV_SYS_ID of the autopilot")
+    component: int = Field(default=1, ge=1, le=255, description="of kind mavlink: MAV_COMP_ID of the autopilot")
     airframe: str = "paper_quad"
     clock_drift: float = Field(default=1e-4, gt=0, le=0.1, description="of the autopilot's clock; a SITL needs 0.03")
     signing_key: str = Field(
@@ -148,6 +152,7 @@ class Rig(_Section):
     """One rig file."""
 
     title: str
+    crew_keys: tuple[str, ...] = Field(default=(), description="public keys (PEM, Ed25519): a go must be signed by one")
     vehicle: VehicleSlot = VehicleSlot()
     groundcar: GroundcarSlot = GroundcarSlot()
     camera: CameraSlot = CameraSlot()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 from hil.assembly.parts import Parts
 from hil.nodes.vehicle import VehicleDevice, VehicleLink
 from hil.safety.vehicle_gate import VehicleGate
+from hil.wires.signing_key import read_signing_key
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import LinkConfig, Signing
 from vehicle.px4.sim.autopilot import Px4Sim
@@ -45,7 +45,13 @@ def vehicle_link(parts: Parts) -> VehicleLink:
         external_vision=slot.external_pose,
     )  # fmt: skip
     if real:
-        config = replace(config, clock_drift=slot.clock_drift, signing=_signing(slot.signing_key, parts.unix_ns))
+        config = replace(
+            config,
+            system=slot.system,
+            component=slot.component,
+            clock_drift=slot.clock_drift,
+            signing=_signing(slot.signing_key, parts.unix_ns),
+        )
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
     link = Px4Link(parts.wires.vehicle_link(), config)
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
@@ -63,8 +69,4 @@ def _signing(path: str, unix_ns: int) -> Signing | None:
     """The signing of the vehicle's link with the key in the file `path`; None without one."""
     if not path:
         return None
-    try:
-        key = Path(path).read_bytes()
-    except OSError as error:
-        raise ValueError(f"{path}: the signing key cannot be read: {error.strerror}") from None
-    return Signing(key=key, epoch_ns=unix_ns)
+    return Signing(key=read_signing_key(path), epoch_ns=unix_ns)

@@ -50,7 +50,8 @@ def _vehicle(rig: Rig, listen_s: float) -> Reached:
     wire.close()
     if frames:
         return Reached("vehicle", slot.kind, True, f"MAVLink comes in on {slot.url}")
-    rubbish = f"; {parser.garbage_bytes} bytes that are no MAVLink came" if parser.garbage_bytes else ""
+    other = parser.garbage_bytes or getattr(wire, "others_dropped", 0)
+    rubbish = "; data that are no MAVLink came" if other else ""
     return Reached("vehicle", slot.kind, False, f"no MAVLink on {slot.url} for {listen_s:g} s{rubbish}")
 
 

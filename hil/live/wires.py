@@ -53,14 +53,14 @@ class LiveWires:
     def vehicle_link(self) -> Any:
         slot, ports = self._rig.vehicle, self._ports
         if slot.kind == "mavlink":
-            return self._keep(open_url(slot.url), "vehicle_link")
+            return self._keep(open_url(slot.url, slot.system), "vehicle_link")
         return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
 
     def vehicle_device(self) -> Any:
         # as PX4 does: sends first to a default address, keeps its first partner, receives from any sender
         ports = self._ports
         peer = (ports.host, ports.vehicle_link)
-        return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", strangers=True))
+        return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", accept_others=True))
 
     def car_link(self) -> Any:
         slot, ports = self._rig.groundcar, self._ports

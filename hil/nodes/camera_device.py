@@ -32,6 +32,7 @@ class CameraDevice(Node):
     def counters(self) -> dict[str, int]:
         return {
             "pictures replaced before they were read": self._camera.dropped,
+            "damaged pictures": self._camera.damaged,
             "cameras lost": int(bool(self._lost)),
         }
 

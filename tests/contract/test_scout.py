@@ -96,7 +96,7 @@ def test_power_on_to_driving_and_back(bench):
     assert bench.car.speed == pytest.approx(0.0, abs=0.01)
 
 
-def test_car_watchdog_stops_the_car_when_commands_cease(bench):
+def test_cars_watchdog_stops_it_when_commands_stop(bench):
     bench.fit().run(3.0, straight)
     last = bench.now
     bench.run(0.3, lambda now: Command(last, 1.0, 0.0))  # the same command, over and over
@@ -106,7 +106,7 @@ def test_car_watchdog_stops_the_car_when_commands_cease(bench):
     assert feedback.refused_commands > 90
 
 
-def test_link_recovers_from_estop_fault_and_remote_control(bench):
+def test_estop_fault_and_remote_control_are_survived(bench):
     bench.fit().run(2.0, straight)
     bench.car.press_estop()
     assert "e-stop" in bench.run(1.0, straight).fault
@@ -124,7 +124,7 @@ def test_link_recovers_from_estop_fault_and_remote_control(bench):
     assert bench.car.speed == pytest.approx(1.0, abs=0.15)
 
 
-def test_dead_bus_is_reported_as_a_fault(bench):
+def test_dead_bus_is_reported(bench):
     bench.fit().run(1.0, straight)
     bench.car.mute("MotionState")
     assert "silent" in bench.run(0.5, straight).fault
@@ -171,7 +171,7 @@ def test_hard_i_is_driven_as_the_published_car_drove_it():
     assert away.max() < 0.35
 
 
-def test_training_s_imitation_moves_more_like_the_car_than_the_plain_law_does():
+def test_training_motion_is_closer_to_the_car_than_the_plain_law():
     bench, params = Bench("memory"), load_scout()
     hard_i(3, bench)
     law = 1.0 + 0.75 * (1 + np.cos(2 * math.pi * (4.0 + 0.004 * np.arange(3000)) / 3))

@@ -96,7 +96,7 @@ def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monke
         ('[groundcar]\nkind = "can"\nchannel = "nocan9"', "car ended with exit code 3: .*CAN socketcan nocan9"),
     ],
 )  # fmt: skip
-def test_what_is_not_there_ends_the_run_before_anything_moves_in_one_line(tmp_path, rig, told):
+def test_missing_device_ends_the_run_before_motion_with_one_line(tmp_path, rig, told):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("0.0.0.0", 0))
         port = str(other.getsockname()[1])
@@ -152,7 +152,7 @@ def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
 
 
 class Mirror(threading.Thread):
-    """Streams over VRPN where vehicle and board truly are, as the bus of a live run tells."""
+    """Streams the true poses of vehicle and board over VRPN, taken from the bus of a live run."""
 
     def __init__(self, server, endpoint, names):
         super().__init__(daemon=True)
@@ -180,7 +180,7 @@ class Mirror(threading.Thread):
                 name = "quad" if letter.topic == "truth/vehicle" else "board"
                 self.poses[name] = (letter.message.position, letter.message.orientation)
             count += 1
-            shake = 1e-5 * (count % 2)  # no real system says the same twice
+            shake = 1e-5 * (count % 2)  # a real system never sends the same pose twice
             self.server.tell({n: ((p[0] + shake, *p[1:]), (*q[1:], q[0])) for n, (p, q) in self.poses.items()})
         if bus is not None:
             bus.close()

@@ -120,7 +120,7 @@ def autopilot(port, data, times=60):
     ("data", "ok", "told"),
     [
         (Packer(1, 1).send_name("HEARTBEAT", 2, 12, 29, 0, 3, 3), True, "MAVLink comes in"),
-        (b"\x00garbage", False, "bytes that are no MAVLink came"),
+        (b"\x00garbage", False, "data that are no MAVLink came"),
     ],
 )
 def test_a_vehicle_s_port_is_listened_to(data, ok, told):

@@ -8,7 +8,7 @@ import pytest
 from hil.check import records
 from hil.check.command import run_checklist
 from hil.check.judge import Outcome, Reading
-from tests.unit.hil.check.console import Console, wish
+from tests.unit.hil.check.console import Console, check_request
 from tests.unit.hil.check.made_up import registered
 
 LIST = """
@@ -57,7 +57,7 @@ def listed(tmp_path):
 
 def start(folder, **more) -> Console:
     terminal = {k: more.pop(k) for k in ("columns", "term", "NO_COLOR") if k in more}
-    return Console(wish(folder, folder / "list.toml", **more), **terminal)
+    return Console(check_request(folder, folder / "list.toml", **more), **terminal)
 
 
 def answer(console: Console, place: int) -> None:
@@ -74,15 +74,15 @@ def answer(console: Console, place: int) -> None:
 def finish(console: Console, places=(1, 3, 5), sign: str = "y") -> tuple[int, str]:
     for place in places:
         answer(console, place)
-    console.wait_for("leave it open")
+    console.wait_for("leave it unsigned")
     console.type(sign)
     return console.end()
 
 
-def test_a_whole_walk_signed_is_a_go(listed):
+def test_completed_and_signed_off_list_is_a_go(listed):
     code, text = finish(start(listed, json_file=listed / "out.json", junit_file=listed / "out.xml"))
     assert code == 0
-    assert "GO, signed by Ann" in text
+    assert "GO, sealed by Ann" in text
     record = records.read(listed / "record.json")
     assert record.genuine()
     assert [e.outcome for e in record.entries] == [Outcome.PASS] * 6
@@ -91,14 +91,14 @@ def test_a_whole_walk_signed_is_a_go(listed):
     assert "<testsuites" in (listed / "out.xml").read_text()
 
 
-def test_a_go_that_is_not_signed_is_incomplete(listed):
+def test_go_without_sign_off_is_incomplete(listed):
     code, text = finish(start(listed), sign="n")
     assert (code, "not signed off" in text) == (4, True)
     assert records.read(listed / "record.json").state == "incomplete"
 
 
 @pytest.mark.parametrize("place", range(6))
-def test_kill_9_at_each_item_loses_nothing_and_the_next_sitting_goes_on(listed, place):
+def test_kill_9_at_each_item_loses_nothing_and_the_next_session_resumes(listed, place):
     hold = listed / f"hold-{place}"
     if place % 2 == 0:
         hold.touch()
@@ -128,7 +128,7 @@ def test_kill_9_at_each_item_loses_nothing_and_the_next_sitting_goes_on(listed, 
     assert len(list(listed.glob("reached-*"))) == 3  # automatic items ran again, all of them
 
 
-def test_ctrl_c_at_a_question_keeps_the_record_and_says_how_to_go_on(listed):
+def test_ctrl_c_at_a_question_keeps_the_record_for_resuming(listed):
     console = start(listed)
     answer(console, 1)
     console.wait_for(QUESTIONS[3])
@@ -148,7 +148,7 @@ def test_a_closed_window_keeps_the_record(listed):
 
 
 @pytest.mark.parametrize("typed", ["p", "ppppp\nyyy\n"])
-def test_what_is_typed_ahead_answers_nothing(listed, typed):
+def test_keys_typed_ahead_are_discarded(listed, typed):
     (listed / "hold-0").touch()
     console = start(listed)
     end = time.monotonic() + 30
@@ -176,16 +176,16 @@ def test_a_failed_item_with_its_reason_is_a_no_go(listed):
     console.type("blade is cracked\n")
     console.wait_for("try what did not pass again")
     console.type("q")
-    console.wait_for("leave it open")
+    console.wait_for("leave it unsigned")
     console.type("y")
     code, text = console.end()
-    assert (code, "NO-GO, signed by Ann" in text) == (1, True)
+    assert (code, "NO-GO, sealed by Ann" in text) == (1, True)
     record = records.read(listed / "record.json")
     assert record.entries[1].reason == "blade is cracked"
     assert record.entries[3].outcome is Outcome.PENDING
 
 
-def test_a_failing_device_mended_on_the_spot_is_tried_again(listed):
+def test_repaired_device_is_tried_again(listed):
     (listed / "bad-2").touch()
     console = start(listed)
     answer(console, 1)
@@ -198,7 +198,7 @@ def test_a_failing_device_mended_on_the_spot_is_tried_again(listed):
     assert "FAIL" in records.read(listed / "record.json").entries[2].history[0]
 
 
-def test_a_must_cannot_be_skipped(listed):
+def test_must_item_cannot_be_skipped(listed):
     console = start(listed)
     answer(console, 1)
     answer(console, 3)
@@ -211,7 +211,7 @@ def test_a_must_cannot_be_skipped(listed):
 
 
 @pytest.mark.parametrize(("columns", "more"), [(60, {"NO_COLOR": "1"}), (80, {}), (60, {"term": "dumb"})])
-def test_sixty_columns_no_colours_and_a_dumb_terminal_will_do(listed, columns, more):
+def test_works_with_60_columns_no_colours_and_a_dumb_terminal(listed, columns, more):
     console = start(listed, columns=columns, **more)
     shown = console.wait_for(QUESTIONS[1]) + console.wait_for(KEYS)
     codes = re.findall(r"\x1b\[([0-9;]*)m", shown)
@@ -227,8 +227,8 @@ def test_sixty_columns_no_colours_and_a_dumb_terminal_will_do(listed, columns, m
 class TestWithoutATerminal:
     def test_manual_items_are_unknown_and_the_result_incomplete(self, listed, monkeypatch, capsys):
         monkeypatch.setattr("sys.stdin", open("/dev/null"))  # noqa: SIM115, PTH123
-        assert run_checklist(wish(listed, listed / "list.toml", operator=None)) == 4
-        assert "nobody was there" in capsys.readouterr().out
+        assert run_checklist(check_request(listed, listed / "list.toml", operator=None)) == 4
+        assert "there is no operator to ask" in capsys.readouterr().out
         assert records.read(listed / "record.json").entries[1].outcome is Outcome.UNKNOWN
 
     def automatic(self, folder):
@@ -238,19 +238,19 @@ class TestWithoutATerminal:
     @pytest.mark.parametrize(("sign", "code"), [(True, 0), (False, 4)])
     def test_a_list_of_automatic_items_can_be_signed_on_the_command_line(self, listed, capsys, sign, code):
         path = self.automatic(listed)
-        assert run_checklist(wish(listed, path, sign=sign)) == code
+        assert run_checklist(check_request(listed, path, sign=sign)) == code
 
     def test_a_failure_is_never_signed_on_the_command_line(self, listed, capsys):
         (listed / "bad-0").touch()
-        assert run_checklist(wish(listed, self.automatic(listed), sign=True)) == 1
+        assert run_checklist(check_request(listed, self.automatic(listed), sign=True)) == 1
         assert records.read(listed / "record.json").sign_off is None
 
-    def test_an_open_record_of_today_is_gone_on_with_and_fresh_begins_anew(self, listed, capsys):
+    def test_recent_open_record_is_resumed_and_fresh_begins_a_new_one(self, listed, capsys):
         for fresh, count in ((False, 1), (False, 1), (True, 2)):
-            run_checklist(wish(listed, listed / "list.toml", record=None, fresh=fresh))
+            run_checklist(check_request(listed, listed / "list.toml", record=None, fresh=fresh))
             assert len(list((listed / "checks").glob("*.json"))) == count
         said = capsys.readouterr().err
-        assert "going on with" in said and "0 answers kept" in said  # nobody was there to give any
+        assert "resuming" in said and "0 answers kept" in said
 
     @pytest.mark.parametrize(
         ("more", "says"),
@@ -263,31 +263,31 @@ class TestWithoutATerminal:
             ({"list_name": "nowhere.toml"}, "cannot be read"),
         ],
     )
-    def test_a_users_mistake_is_one_line_exit_2_and_no_record(self, listed, capsys, more, says):
-        assert run_checklist(wish(listed, listed / "list.toml", **more)) == 2
+    def test_usage_error_is_one_line_exit_2_and_no_record(self, listed, capsys, more, says):
+        assert run_checklist(check_request(listed, listed / "list.toml", **more)) == 2
         error = capsys.readouterr().err
         assert says in error
         assert len(error.strip().splitlines()) == 1
         assert not (listed / "record.json").exists()
 
-    def test_a_record_for_something_else_or_signed_is_not_gone_on_with(self, listed, capsys):
+    def test_record_for_another_subject_or_signed_off_is_not_resumed(self, listed, capsys):
         path = self.automatic(listed)
-        asked = wish(listed, path, sign=True)
-        assert run_checklist(wish(listed, path)) == 4
-        assert run_checklist(wish(listed, path, scenario="hard-i")) == 2
+        asked = check_request(listed, path, sign=True)
+        assert run_checklist(check_request(listed, path)) == 4
+        assert run_checklist(check_request(listed, path, scenario="hard-i")) == 2
         assert "another scenario" in capsys.readouterr().err
         assert run_checklist(asked) == 0
         assert run_checklist(asked) == 2
-        assert "signed already" in capsys.readouterr().err
+        assert "already signed" in capsys.readouterr().err
         with contextlib.suppress(OSError):
             (listed / "record.json").write_text("rubbish")
         assert run_checklist(asked) == 2
-        assert "no checklist record" in capsys.readouterr().err
+        assert "not a checklist record" in capsys.readouterr().err
 
     def test_two_terminals_do_not_work_on_one_record(self, listed, capsys):
         console = start(listed)
         console.wait_for(QUESTIONS[1])
-        assert run_checklist(wish(listed, listed / "list.toml")) == 2
+        assert run_checklist(check_request(listed, listed / "list.toml")) == 2
         assert "another terminal" in capsys.readouterr().err
         console.kill()
-        assert run_checklist(wish(listed, listed / "list.toml")) == 4
+        assert run_checklist(check_request(listed, listed / "list.toml")) == 4

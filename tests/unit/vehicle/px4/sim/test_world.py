@@ -8,8 +8,8 @@ import pytest
 from kernel.rotations import angle_between, from_euler, multiply, rotate
 from tests.unit.vehicle.px4.sim.client import NAN, Rig
 from vehicle.px4 import protocol as px4
-from vehicle.px4.sim.control import POSITION
 from vehicle.px4.sim.estimator import EstimatorNoise
+from vehicle.px4.sim.rows import control
 from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import GRAVITY, load_airframe
 
@@ -188,7 +188,7 @@ def test_a_stamped_board_pose_is_met_at_its_time(ahead):
     assert np.ptp(gaps[5:], axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
-def test_a_killed_vehicle_on_the_board_stays_there_and_is_landed():
+def test_killed_vehicle_on_the_board_is_landed():
     rig = Rig().fly_to_hover()
     rig.sim.attach((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
     rig.run(100)
@@ -199,7 +199,7 @@ def test_a_killed_vehicle_on_the_board_stays_there_and_is_landed():
     assert rig.flight.landed
 
 
-def test_a_dead_motor_tips_it_over():
+def test_vehicle_tips_over_with_a_dead_motor():
     rig = Rig().fly_to_hover()
     rig.sim.fail_motor(2)
     rig.run(500)
@@ -208,7 +208,7 @@ def test_a_dead_motor_tips_it_over():
         rig.sim.fail_motor(4)
 
 
-def test_the_heartbeat_can_be_silenced():
+def test_heartbeat_can_be_switched_off():
     rig = Rig()
     rig.sim.set_heartbeat(False)
     rig.run(3000)
@@ -232,7 +232,7 @@ def test_the_paper_quadrotor_takes_off_and_holds_tightly():
     rig = Rig(frame="paper_quad", position=(-3.0, 1.0, 0.1)).fly_to_hover()
     rig.run(3000)
     assert rig.sim.truth().position == pytest.approx((-3.0, 1.0, 2.6), abs=0.15)
-    assert rig.flight.control[0] == POSITION
+    assert rig.flight.control[control.MODE] == control.POSITION
 
 
 def test_a_randomised_plant_still_hovers():
@@ -244,7 +244,7 @@ def test_a_randomised_plant_still_hovers():
     assert rig.sim.truth().position[2] == pytest.approx(2.5, abs=0.2)
 
 
-def test_seeds_decide_everything():
+def test_same_seed_gives_the_same_bytes():
     def bytes_of(seed):
         rig = Rig(ready=False, seed=seed)
         rig.run(1500)
@@ -254,6 +254,6 @@ def test_seeds_decide_everything():
     assert bytes_of(1) != bytes_of(2)
 
 
-def test_bad_starts_are_errors():
+def test_invalid_start_raises():
     with pytest.raises(ValueError, match="finite"):
         Rig(position=(NAN, 0.0, 0.0))

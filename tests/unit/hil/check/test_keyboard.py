@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hil.check.terminal import Keyboard
+from hil.check.keyboard import Keyboard
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Keys and lines from a terminal. What was typed before the question is thrown away: nobody confirms by accident."""
+"""Keys and lines from a terminal. What was typed before the question is discarded, so that it confirms nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Keyboard:
 
     @property
     def present(self) -> bool:
-        """True if somebody could be typing."""
+        """True if input comes from a terminal."""
         try:
             return self._stream.isatty()
         except ValueError:  # closed
@@ -27,12 +27,12 @@ class Keyboard:
     def key(self, allowed: str, prompt: Callable[[], None]) -> str:
         """One of `allowed` (lower case), without Enter. KeyboardInterrupt is Ctrl-C, EOFError a lost terminal.
 
-        `prompt` is shown once what was typed ahead is gone: what is pressed after it counts.
+        `prompt` is shown after input typed ahead was discarded: only later keys count.
         """
         fd = self._stream.fileno()
         before = termios.tcgetattr(fd)
         try:
-            tty.setcbreak(fd, termios.TCSAFLUSH)  # throws away what was typed; Ctrl-C still interrupts
+            tty.setcbreak(fd, termios.TCSAFLUSH)  # discards what was typed; Ctrl-C still interrupts
             prompt()
             while True:
                 data = os.read(fd, 64)

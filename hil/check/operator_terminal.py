@@ -1,4 +1,5 @@
-"""What the operator sees: passed items folded, the current one in view. Words carry the meaning, colours only help."""
+"""The checklist on the operator's terminal: passed items are counted, the current one is shown. Texts carry
+the meaning; colours only repeat it."""
 
 from __future__ import annotations
 
@@ -9,9 +10,9 @@ from rich.text import Text
 
 from hil.check.checklist import Item
 from hil.check.judge import Outcome, Value
+from hil.check.keyboard import Keyboard
 from hil.check.records import Entry, Record, passed
 from hil.check.session import Answer
-from hil.check.terminal import Keyboard
 
 _STYLE = {
     Outcome.PASS: "bold green",
@@ -24,8 +25,8 @@ _STYLE = {
 _QUIET = (Outcome.PASS, Outcome.SKIPPED)
 
 
-class Screen:
-    """A `Face` on a terminal, or, without one, a line an item."""
+class OperatorTerminal:
+    """A `OperatorInterface` on a terminal; without a terminal one line per item."""
 
     def __init__(self, console: Console, keyboard: Keyboard, operator: str) -> None:
         self.interactive = keyboard.present and console.is_terminal
@@ -70,15 +71,15 @@ class Screen:
 
     def sign(self, record: Record) -> bool:
         """Ask for the sign-off."""
-        return self._press([("y", f"sign as {self._operator}"), ("n", "leave it open")]) == "y"
+        return self._press([("y", f"sign as {self._operator}"), ("n", "leave it unsigned")]) == "y"
 
     def operator(self, proposed: str) -> str:
-        """Ask who is there."""
+        """Ask for the operator's name."""
         self._operator = self._keyboard.line(f"Your name [{proposed}]: ") or proposed
         return self._operator
 
     def summary(self, record: Record, verdict: str, path: str) -> None:
-        """The end: verdict, what did not simply pass, where the record is."""
+        """The end: verdict, items that did not pass, path of the record."""
         if self.interactive:
             self._clear()
         print_summary(self._console, record, verdict, path)
@@ -99,7 +100,7 @@ class Screen:
         current = record.entries[at].group if at is not None else group
         console = self._console
         console.print(heading(record))
-        ahead = False
+        after_current = False
         for number, (title, entries) in enumerate(groupby(record.entries, key=lambda e: e.group), start=1):
             members = list(entries)
             if title == current:
@@ -107,8 +108,8 @@ class Screen:
                 _print_group(console, members)
                 if at is not None:
                     _print_current(console, record.entries[at])
-                ahead = True
-            elif ahead:
+                after_current = True
+            elif after_current:
                 console.print(f"{number}. {title}: closed, {len(members)} items")
             else:
                 console.print(f"{number}. {title}: {_counts(members)}")
@@ -120,7 +121,7 @@ class Screen:
 
 
 def heading(record: Record) -> Text:
-    """One line: what for."""
+    """One line: list, rig, policy and scenario."""
     s = record.subject
     return Text(f"{s['list']}  |  rig {s['rig']}, policy {s['policy']['name']}, scenario {s['scenario']}", style="bold")
 
@@ -134,19 +135,19 @@ def entry_line(entry: Entry) -> Text:
         line.append(f": {_value(entry.value)}{f' {entry.unit}' if entry.unit else ''}")
     if entry.limit and entry.outcome is not Outcome.SKIPPED:
         line.append(f" ({entry.limit})")
-    mend = entry.help if entry.outcome in (Outcome.FAIL, Outcome.MARGINAL) else ""
+    remedy = entry.help if entry.outcome in (Outcome.FAIL, Outcome.MARGINAL) else ""
     reason = "" if entry.limit and entry.reason == f"must be {entry.limit}" else entry.reason
-    said = "; ".join(text for text in (reason, entry.detail, mend) if text)
-    if said:
-        line.append(f" - {said}")
+    text = "; ".join(part for part in (reason, entry.detail, remedy) if part)
+    if text:
+        line.append(f" - {text}")
     return line
 
 
 def print_summary(console: Console, record: Record, verdict: str, path: str) -> None:
-    """See `Screen.summary`."""
+    """See `OperatorTerminal.summary`."""
     console.print(heading(record))
     for entry in record.entries:
-        own = entry.outcome is Outcome.SKIPPED and entry.source != "operator"  # says nothing about this rig
+        own = entry.outcome is Outcome.SKIPPED and entry.source != "operator"  # does not apply to this rig
         if entry.outcome not in (Outcome.PASS, Outcome.PENDING) and not own:
             console.print(entry_line(entry))
     console.print(Text(_counts(record.entries)))

@@ -1,4 +1,4 @@
-"""What the driver has heard of its autopilot: mode, arming, health, texts, and odometry on our clock."""
+"""What the driver knows of its autopilot: mode, arming, health, texts, and odometry on the driver's clock."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _SECOND = 1_000_000_000
 _ACK_BEFORE_HEARTBEAT_NS = 500_000_000  # a HEARTBEAT may carry the state from before an ACK for that long
 
 
-class Heard:
-    """Takes frames; everything else reads its attributes. It believes one system and component only.
+class Autopilot:
+    """Takes frames; the driver reads its attributes. Only frames of one system and component are used.
 
-    PX4 forwards other clients' HEARTBEATs, and sends a few commands of its own; those frames are counted in `foreign`.
+    PX4 forwards other clients' HEARTBEATs, and sends a few commands of its own; such frames are counted in `foreign`.
     """
 
     def __init__(self, config: LinkConfig, answer_timesync: Callable[[int, int], None]) -> None:
@@ -42,7 +42,7 @@ class Heard:
         self.thrusts: list[float] = []  # of ATTITUDE_TARGET, since last cleared
         self.acks: dict[int, tuple[int, int]] = {}  # command: (result, how many so far)
         self.foreign = self.bad_odometry = 0
-        self.strangers: set[tuple[int, int]] = set()
+        self.other_senders: set[tuple[int, int]] = set()
         self.rebooted = False
         self._armed_by_ack_ns = -_SECOND
         self._resets: int | None = None
@@ -54,25 +54,25 @@ class Heard:
             "TIMESYNC": self._timesync,
             "ATTITUDE_TARGET": self._attitude_target,
             "COMMAND_ACK": self._command_ack,
-            "STATUSTEXT": self.texts.heard,
+            "STATUSTEXT": self.texts.receive,
             "ODOMETRY": self._odometry,
         }
         self._handlers = {MESSAGES[name].id: handler for name, handler in handlers.items()}
         self._param_value = MESSAGES["PARAM_VALUE"].id
 
     def begin(self) -> None:
-        """A new step: forget what the last one handed out."""
+        """A new step: clear what was new in the last one."""
         self.fresh, self.notes, self.rebooted = [], [], False
 
     def frame(self, frame: Frame, now_ns: int) -> None:
         """One frame from the wire."""
-        if frame.system != self._config.system or frame.component != px4.PX4_COMPONENT:
+        if frame.system != self._config.system or frame.component != self._config.component:
             self.foreign += 1
-            if len(self.strangers) < 16:
-                self.strangers.add((frame.system, frame.component))
+            if len(self.other_senders) < 16:
+                self.other_senders.add((frame.system, frame.component))
             return
         if frame.id == self._param_value:
-            self.parameters.heard(frame.payload)
+            self.parameters.receive(frame.payload)
             return
         handler = self._handlers.get(frame.id)
         if handler is not None:
@@ -84,7 +84,7 @@ class Heard:
 
     @property
     def in_air(self) -> bool:
-        """As EXTENDED_SYS_STATE says; False while unknown."""
+        """By EXTENDED_SYS_STATE; False while unknown."""
         return self.landed_state in (px4.Landed.IN_AIR, px4.Landed.TAKEOFF, px4.Landed.LANDING)
 
     def _heartbeat(self, f: Any, now_ns: int) -> None:
@@ -110,12 +110,12 @@ class Heard:
         if f.tc1 == 0:
             self._stamp(f.ts1)
             self._answer_timesync(f.ts1, now_ns)
-        else:  # the target fields of PX4's answer are garbage; that ts1 is ours shows in the round trip
+        else:  # the target fields of PX4's answer are not set; the round trip shows whether ts1 is ours
             self._stamp(f.tc1)
             self.clock.add(f.ts1, f.tc1, now_ns)
 
     def _stamp(self, px4_ns: int) -> None:
-        if self.time.heard(px4_ns):
+        if self.time.receive(px4_ns):
             self.clock.forget()
             self.odometry = None
             self.rebooted = True
@@ -128,7 +128,7 @@ class Heard:
         self.acks[f.command] = (f.result, self.acks.get(f.command, (0, 0))[1] + 1)
 
     def arming_answered(self, armed: bool, now_ns: int) -> None:
-        """The ACK of an arm or disarm command is PX4's real verdict, and up to a second before the HEARTBEAT."""
+        """The ACK of an arm or disarm command is PX4's own result, up to a second before the HEARTBEAT shows it."""
         self.armed, self._armed_by_ack_ns = armed, now_ns
 
     def _odometry(self, f: Any, now_ns: int) -> None:
@@ -147,7 +147,7 @@ class Heard:
             self.notes.append(Note("warning", "the autopilot's estimate has jumped (reset counter)"))
         self._resets = f.reset_counter
         attitude = swap_attitude(f.q)
-        velocity = swap_world(f.vx, f.vy, f.vz)  # PX4 names LOCAL_NED as its frame
+        velocity = swap_world(f.vx, f.vy, f.vz)  # PX4 gives LOCAL_NED as its frame
         if f.child_frame_id == px4.FRAME_BODY_FRD:
             velocity = rotate(attitude, *swap_body(f.vx, f.vy, f.vz))
         ox, oy, oz = self._config.origin
