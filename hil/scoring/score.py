@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from hil.contract.messages import BoardState, Contact, Detection, Sent, Stage
+from hil.scoring.verdict import verdict_word
 from policies.task.contact import GROUND, INVALID, REASONS, TIMEOUT, WORKSPACE
 from scenarios.spec import Scenario
 
@@ -56,6 +57,11 @@ class Score:
     outcome: str  # success, fail, or incomplete if the run ended before the referee decided
     reasons: tuple[str, ...]
     metrics: Metrics
+
+    @property
+    def verdict(self) -> str:
+        """One word of `hil.scoring.verdict`."""
+        return verdict_word(attached=self.attached, within_tolerance=self.within_tolerance, outcome=self.outcome)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain tables for JSON."""

@@ -51,6 +51,9 @@ def root(tmp_path):
     make(root, "3", attached=False, rig="bench")
     make(root, "4", attached=False, outcome="incomplete")
     make(root, "5")
+    make(root, "9", attached=False, within=True)
+    cut_short = make(root, "A", attached=True, within=True) / "manifest.json"
+    cut_short.write_text(cut_short.read_text().replace("finished", "interrupted"))
     (make(root, "6") / "manifest.json").write_text("{")
     (make(root, "7") / "manifest.json").write_text("{}")
     (make(root, "8", attached=True) / "score.json").write_text('{"metrics": 3}')
@@ -65,29 +68,32 @@ def names(found):
 def test_every_run_has_one_verdict_and_a_damaged_one_hides_no_other(root):
     assert {row.run: row.verdict for row in rows(root)} == {
         "1": "perched",
-        "2": "attached",
+        "2": "attached, outside tolerance",
         "3": "missed",
         "4": "incomplete",
         "5": "none",
         "6": "damaged",
         "7": "damaged",
         "8": "damaged",
+        "9": "missed",  # within tolerance, but the magnet did not hold
+        "A": "incomplete",  # interrupted: its verdict says nothing about the policy
     }
 
 
 @pytest.mark.parametrize(
     ("filters", "left"),
     [
-        ({}, "12345678"),
+        ({}, "123456789A"),
         ({"scenario": "simple-i"}, "2"),
-        ({"scenario": "Hard_I"}, "1345"),
+        ({"scenario": "Hard_I"}, "13459A"),
         ({"rig": "bench"}, "3"),
-        ({"policy": "planner"}, "1345"),
+        ({"policy": "planner"}, "13459A"),
         ({"policy": "p.onnx"}, "2"),
         ({"policy": "DEADBEEF"}, "2"),
         ({"verdict": "perched"}, "1"),
         ({"verdict": "damaged"}, "678"),
-        ({"scenario": "hard-i", "verdict": "missed"}, "3"),
+        ({"verdict": "attached"}, "2"),
+        ({"scenario": "hard-i", "verdict": "missed"}, "39"),
     ],
 )
 def test_filters(root, filters, left):
