@@ -110,7 +110,7 @@ def test_two_flights_side_by_side(golden, copied):
     assert [p["key"] for p in both.data["plots"] if p["flight"] == 1] == PLOTS
     assert len(both.data["flights"]) == 2
     assert "Perched" in both.text
-    assert "Within tolerance, but the magnet did not hold" in both.text
+    assert "Missed: within tolerance, but not attached" in both.text
     assert "DIFFERS" in both.text  # the second score.json is not what its recording says
 
 
