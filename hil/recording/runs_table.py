@@ -18,6 +18,8 @@ from kernel.toml_errors import nearest
 
 VERDICTS = (PERCHED, ATTACHED, MISSED, INCOMPLETE, "none", "damaged")
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings that spreadsheets take for a formula
+
 
 class TableError(RuntimeError):
     """The table cannot be made; the message says what to do."""
@@ -99,9 +101,7 @@ def table(found: Sequence[Row]) -> Table:
     for row in found:
         numbers = ((row.planar_m, 3), (row.normal_alignment_deg, 1), (row.impact_tangential, 2))
         shown.add_row(
-            row.run,
-            *((row.rig,) if rigs else ()),
-            row.policy,
+            *(Text(printable(name)) for name in (row.run, *((row.rig,) if rigs else ()), row.policy)),
             Text(row.verdict, style=style.get(row.verdict, "")),
             *("-" if value is None else f"{value:.{digits}f}" for value, digits in numbers),
         )
@@ -109,12 +109,12 @@ def table(found: Sequence[Row]) -> Table:
 
 
 def write_csv(path: Path, found: Sequence[Row]) -> None:
-    """All columns. Raises TableError."""
+    """All columns; a text that a spreadsheet would take for a formula gets a ' in front. Raises TableError."""
     try:
         with path.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, [field.name for field in fields(Row)])
             writer.writeheader()
-            writer.writerows(asdict(row) for row in found)
+            writer.writerows({name: _cell(value) for name, value in asdict(row).items()} for row in found)
     except OSError as error:
         raise TableError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -135,6 +135,15 @@ def write_parquet(path: Path, found: Sequence[Row]) -> None:
         parquet.write_table(pa.Table.from_pylist([asdict(row) for row in found], schema=schema), str(path))
     except OSError as error:
         raise TableError(f"{path}: cannot be written: {error}") from None
+
+
+def printable(text: str) -> str:
+    """`text` with what is not printable as an escape: a name from elsewhere must not steer the terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def _cell(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
 
 
 def _row(run: Run) -> Row:

@@ -1,4 +1,5 @@
 import csv
+import io
 import json
 import sys
 from dataclasses import fields
@@ -111,6 +112,22 @@ def test_csv_has_every_column_and_the_numbers_unrounded(root, tmp_path):
         read = list(csv.DictReader(file))
     assert list(read[0]) == [field.name for field in fields(Row)]
     assert (read[0]["planar_m"], read[0]["reasons"], read[4]["planar_m"]) == ("0.012", "a; b", "")
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)", "\tx", "\rx"])
+def test_a_csv_cell_that_begins_like_a_formula_is_text(tmp_path, name):
+    write_csv(tmp_path / "t.csv", [Row("run", policy=name, planar_m=-0.5)])
+    with (tmp_path / "t.csv").open(newline="") as file:
+        (read,) = csv.DictReader(file)
+    assert (read["policy"], read["planar_m"]) == (f"'{name}", "-0.5")
+
+
+def test_names_from_elsewhere_neither_steer_the_terminal_nor_are_markup():
+    console = Console(file=io.StringIO(), width=200, force_terminal=False)
+    console.print(table([Row("a\x1b[2J\x1b]0;title\x07", policy="[red]p\x9b31m", verdict="perched")]))
+    text = console.file.getvalue()
+    assert "a\\x1b[2J\\x1b]0;title\\x07" in text and "[red]p\\x9b31m" in text
+    assert all(c.isprintable() or c == "\n" for c in text)
 
 
 def test_parquet_has_the_same_rows_with_types(root, tmp_path):
