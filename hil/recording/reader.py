@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 import struct
+from array import array
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -44,6 +45,14 @@ class Entry(NamedTuple):
     log_ns: int
     topic: str
     message: Any
+
+
+class Packed(NamedTuple):
+    """Messages of one topic: message i is `data[offsets[i]:offsets[i + 1]]`, published at `log_ns[i]`."""
+
+    log_ns: array[int]
+    data: bytearray
+    offsets: array[int]
 
 
 class Missing(NamedTuple):
@@ -112,10 +121,30 @@ class Recording:
         if not self._ours:  # rewritten by another tool: no promise about chunks
             return iter(sorted(self._lane(self._chunks, ids), key=lambda raw: raw.log_ns))
         # small messages and pictures lie in separate chunks that overlap in time: read each lane by itself, then merge
-        lanes = [[c for c in self._chunks if c.compression]]
-        if any(self._channels[i].topic.endswith(PICTURES) for i in ids):
+        lanes = []
+        pictures = {i for i in ids if self._channels[i].topic.endswith(PICTURES)}
+        if ids - pictures:
+            lanes.append([c for c in self._chunks if c.compression])
+        if pictures:
             lanes.append([c for c in self._chunks if not c.compression])
+        if len(lanes) == 1:
+            return self._lane(lanes[0], ids)  # a merge of one lane costs as much as reading it
         return heapq.merge(*(self._lane(chunks, ids) for chunks in lanes), key=lambda raw: raw.log_ns)
+
+    def packed(self, topics: Iterable[str]) -> dict[str, Packed]:
+        """All messages of the file's `topics` that have any, in the order of publication."""
+        packed = {topic: Packed(array("q"), bytearray(), array("q", [0])) for topic in topics}
+        add = {t: (p.log_ns.append, p.data.extend, p.offsets.append, p.data) for t, p in packed.items()}
+        for log_ns, topic, _, data in self.raw(packed):
+            add_log, add_data, add_offset, all_data = add[topic]
+            add_log(log_ns)
+            add_data(data)
+            add_offset(len(all_data))
+        return {topic: one for topic, one in packed.items() if one.log_ns}
+
+    def note(self, fault: str) -> None:
+        """Add what a reader of the messages found to be damaged."""
+        self._fault(fault)
 
     def counts(self) -> dict[str, int]:
         """How many messages of each topic can be read. Reads the whole file."""

@@ -17,6 +17,7 @@ from policies.task.contact import GROUND, INVALID, REASONS, TIMEOUT, WORKSPACE
 from scenarios.spec import Scenario
 
 _SELDOM = 0.1  # share of pictures that show the board below which a drone that never touches could not know better
+SCORED = ("run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent")
 _NO_CONTACT = {REASONS[i] for i in (GROUND, WORKSPACE, TIMEOUT, INVALID)}
 
 

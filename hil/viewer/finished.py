@@ -156,7 +156,7 @@ def _series(stream: rr.RecordingStream, recorded: Recorded, plot: TimePlot) -> N
     for i, series in enumerate(plot.series):
         if plot.key == _THRUST and series.name != _THRUST_NAME:
             continue
-        keep = thin(recorded, series.t, every=series.style != "dots")
+        keep = thin(recorded, series.t, series.y, every=series.style != "dots")
         keep = keep[_shown(recorded, series.t[keep])]
         keep = keep[np.isfinite(series.y[keep])] if series.style == "dots" else keep
         if not len(keep):
