@@ -14,8 +14,8 @@ SECTIONS = [
 ]  # fmt: skip
 PLOTS = [
     "closing", "normal", "speed", "pitch", "height", "velocity-0", "velocity-1", "velocity-2", "tags", "corners",
-    "rate", "rho", "belief-position", "detection-error", "belief-angles", "belief-speed", "odometry", "rate-0",
-    "rate-1", "rate-2", "thrust", "age", "detection-latency", "car-speed", "car-turn",
+    "rate", "rho", "belief-position", "consistency", "detection-error", "belief-angles", "belief-speed", "odometry",
+    "rate-0", "rate-1", "rate-2", "thrust", "age", "detection-latency", "car-speed", "car-turn",
 ]  # fmt: skip
 
 
