@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 import struct
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -48,8 +48,12 @@ class Entry(NamedTuple):
 
 
 class Packed(NamedTuple):
-    """Messages of one topic: message i is `data[offsets[i]:offsets[i + 1]]`, published at `log_ns[i]`."""
+    """Messages of one topic: message i is `data[offsets[i]:offsets[i + 1]]`, published at `log_ns[i]`.
 
+    `published_ns` also has those that were not kept.
+    """
+
+    published_ns: array[int]
     log_ns: array[int]
     data: bytearray
     offsets: array[int]
@@ -131,15 +135,29 @@ class Recording:
             return self._lane(lanes[0], ids)  # a merge of one lane costs as much as reading it
         return heapq.merge(*(self._lane(chunks, ids) for chunks in lanes), key=lambda raw: raw.log_ns)
 
-    def packed(self, topics: Iterable[str]) -> dict[str, Packed]:
-        """All messages of the file's `topics` that have any, in the order of publication."""
-        packed = {topic: Packed(array("q"), bytearray(), array("q", [0])) for topic in topics}
-        add = {t: (p.log_ns.append, p.data.extend, p.offsets.append, p.data) for t, p in packed.items()}
+    @property
+    def end_ns(self) -> int | None:
+        """When the last message was published, None without an intact index."""
+        return self._statistics.message_end_time if self._statistics else None
+
+    def packed(self, topics: Iterable[str], *, spacing_ns: Mapping[str, int], until_ns: int) -> dict[str, Packed]:
+        """The messages of the file's `topics` that have any, in the order of publication.
+
+        Before `until_ns`, of a topic in `spacing_ns` only the first in each interval of that length is kept.
+        """
+        packed = {topic: Packed(array("q"), array("q"), bytearray(), array("q", [0])) for topic in topics}
+        slots = dict.fromkeys(spacing_ns, -1)
         for log_ns, topic, _, data in self.raw(packed):
-            add_log, add_data, add_offset, all_data = add[topic]
-            add_log(log_ns)
-            add_data(data)
-            add_offset(len(all_data))
+            one = packed[topic]
+            one.published_ns.append(log_ns)
+            if log_ns < until_ns and topic in slots:
+                slot = log_ns // spacing_ns[topic]
+                if slot == slots[topic]:
+                    continue
+                slots[topic] = slot
+            one.log_ns.append(log_ns)
+            one.data.extend(data)
+            one.offsets.append(len(one.data))
         return {topic: one for topic, one in packed.items() if one.log_ns}
 
     def note(self, fault: str) -> None:

@@ -19,7 +19,7 @@ _BATCH = 8192  # messages whose bytes are arranged at once
 class Messages(Sequence[Any]):
     """Messages as bytes, each decoded when it is asked for."""
 
-    def __init__(self, kind: type, data: bytes, offsets: np.ndarray) -> None:
+    def __init__(self, kind: type, data: bytes | bytearray, offsets: np.ndarray) -> None:
         """Message i of the dataclass `kind` is `data[offsets[i]:offsets[i + 1]]`; `offsets` (n + 1,) int64."""
         self.kind, self.data, self.offsets = kind, data, offsets
         self._codec = codec(kind)
@@ -31,11 +31,11 @@ class Messages(Sequence[Any]):
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         i = range(len(self))[index]
-        return self._codec.decode(self.data[self.offsets[i] : self.offsets[i + 1]])
+        return self._codec.decode(bytes(self.data[self.offsets[i] : self.offsets[i + 1]]))
 
     def __iter__(self) -> Iterator[Any]:
         edges, decode = self.offsets.tolist(), self._codec.decode
-        return (decode(self.data[a:b]) for a, b in pairwise(edges))
+        return (decode(bytes(self.data[a:b])) for a, b in pairwise(edges))
 
     def faults(self) -> dict[int, str]:
         """index -> why, of the messages that cannot be decoded."""

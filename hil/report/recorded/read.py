@@ -18,34 +18,27 @@ _THINNED = {"truth/vehicle", "mocap/vehicle", "vehicle/odometry", "belief", "car
 
 def read_columns(recording: Recording, topics: Sequence[str]) -> dict[str, Columns]:
     """topic -> columns, of those with a message that can be read; what cannot be decoded is a fault of `recording`."""
+    until_ns = (recording.end_ns or 0) - _WHOLE_NS
+    spacing_ns = {PREFIX + topic: _SPACING_NS for topic in _THINNED}
     found = {}
-    for name, packed in recording.packed([PREFIX + topic for topic in topics]).items():
-        topic = name.removeprefix(PREFIX)
-        log_ns, offsets = (np.array(part, dtype=np.int64) for part in (packed.log_ns, packed.offsets))
-        data, published_ns = bytes(packed.data), log_ns
-        packed.data.clear()
-        keep = _kept(log_ns) if topic in _THINNED else np.ones(len(log_ns), dtype=bool)
-        messages = Messages(TOPICS[topic].message, data, offsets)
+    packed = recording.packed([PREFIX + topic for topic in topics], spacing_ns=spacing_ns, until_ns=until_ns)
+    for name in list(packed):
+        one, topic = packed.pop(name), name.removeprefix(PREFIX)
+        published_ns, log_ns, offsets = (np.array(part, dtype=np.int64) for part in (one.published_ns, *one[1::2]))
+        messages = Messages(TOPICS[topic].message, one.data, offsets)
         bad = messages.faults()
         for index, why in bad.items():
             recording.note(f"{name} at {log_ns[index] / 1e9:.3f} s: {why}")
-            keep[index] = False
-        if not keep.all():
-            log_ns, messages = log_ns[keep], _chosen(messages, keep)
+        if bad:
+            good = np.setdiff1d(np.arange(len(log_ns)), list(bad))
+            log_ns, messages = log_ns[good], _chosen(messages, good)
         if len(log_ns):
             found[topic] = Columns(log_ns, messages, published_ns)
     return {topic: found[topic] for topic in topics if topic in found}
 
 
-def _kept(log_ns: np.ndarray) -> np.ndarray:
-    """Mask of the samples that are kept."""
-    whole = log_ns >= log_ns[-1] - _WHOLE_NS
-    slot = log_ns // _SPACING_NS
-    return whole | np.concatenate([[True], slot[1:] != slot[:-1]])
-
-
-def _chosen(messages: Messages, keep: np.ndarray) -> Messages:
+def _chosen(messages: Messages, chosen: np.ndarray) -> Messages:
     edges = messages.offsets.tolist()
-    parts = [messages.data[edges[i] : edges[i + 1]] for i in np.flatnonzero(keep).tolist()]
+    parts = [messages.data[edges[i] : edges[i + 1]] for i in chosen.tolist()]
     offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts], dtype=np.int64)]).astype(np.int64)
     return Messages(messages.kind, b"".join(parts), offsets)

@@ -22,7 +22,7 @@ class Span(NamedTuple):
     end: int
 
 
-def layouts(data: bytes, offsets: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, dict[int, Span]]]:
+def layouts(data: bytes | bytearray, offsets: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, dict[int, Span]]]:
     """Groups of messages of one layout: (their indices (n,), their bytes (n, length), field number -> place).
 
     Message i is `data[offsets[i]:offsets[i + 1]]`. Raises ValueError if a message is damaged or they differ too much.

@@ -123,9 +123,9 @@ def _consistency(section: Section, recorded: Recorded, truth: Motion) -> None:
         head = ("position, during the attempt", "n", "mean (1)", "median (0.79)", "within the 95 % bound (95 %)")
         section.html(table(head, rows, "narrow"))
         section.text(
-            "In brackets: a consistent filter. Not in the filter's model: the odometry's errors of position and of "
-            "attitude (times the distance to the board) last for seconds and are alike in consecutive pictures, while "
-            "the filter takes the errors of detections as independent."
+            "In brackets: a consistent filter. Not in the filter's model: errors that last for seconds, alike in "
+            "consecutive pictures. The tilt of the camera mount, and the odometry's attitude, move each detection by "
+            "their error times the distance to the board; the filter takes the errors of detections as independent."
         )
 
 
