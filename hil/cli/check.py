@@ -87,7 +87,7 @@ def runs(
     csv: Annotated[Path | None, typer.Option(help="also write all columns there as CSV")] = None,
     parquet: Annotated[Path | None, typer.Option(help="also write all columns there as Parquet")] = None,
 ) -> None:
-    """List runs, oldest first: perched is within tolerance, attached is not, missed touched nothing.
+    """List runs, oldest first: perched is attached and within tolerance, missed is not attached.
 
     Exit code: 0, also if there are none; 2 usage; 3 a table could not be written.
     """

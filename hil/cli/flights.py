@@ -118,7 +118,7 @@ def _exit_code(flights: Sequence[Flight]) -> int:
         return INTERRUPTED
     if any(flight.failure for flight in flights):
         return COULD_NOT_RUN
-    return PERCHED if all(flight.score.within_tolerance for flight in flights) else NOT_PERCHED
+    return PERCHED if all(flight.score.verdict == "perched" for flight in flights) else NOT_PERCHED
 
 
 def _viewer(request: Request, notes: Console) -> AbstractContextManager[RunViewer | None]:
@@ -218,6 +218,5 @@ def _row(plan: Plan, flight: Flight) -> dict[str, Any]:
 
 
 def _line(score: Score) -> str:
-    verdict = "within tolerance" if score.within_tolerance else "attached" if score.attached else "missed"
     why = f" ({'; '.join(score.reasons)})" if score.reasons else ""
-    return f"seed {score.seed}: {verdict}{why}"
+    return f"seed {score.seed}: {score.verdict}{why}"

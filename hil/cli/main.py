@@ -1,4 +1,4 @@
-"""`perch-hil`: the command line. Exit codes: 0 perched within tolerance, 1 not, 2 usage or configuration, 3 could not
+"""`perch-hil`: the command line. Exit codes: 0 perched, 1 not, 2 usage or configuration, 3 could not
 run, 130 interrupted."""
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def run(
 ) -> None:
     """Fly a scenario and score it against the perching tolerances.
 
-    Exit code: 0 every run perched within tolerance, 1 not every one, 2 usage or configuration, 3 could not run,
+    Exit code: 0 every run perched (attached and within tolerance), 1 not, 2 usage or configuration, 3 could not run,
     130 interrupted. Each run leaves one folder: manifest.json, run.mcap, score.json.
     """
     from hil.cli.flights import Request, fly_seeds
