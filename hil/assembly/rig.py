@@ -142,6 +142,9 @@ class PolicySlot(_Section):
     house's contract."""
 
     kind: str = "vision"
+    guidance: bool = Field(
+        default=True, description="the laws of the last half second act on its commands; a network must want them"
+    )
 
 
 class Rig(_Section):

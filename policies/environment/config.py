@@ -20,11 +20,12 @@ LAWS = ("constant", "ou", "cosine", "steps")
  C_MASS, C_INERTIA, C_TWR, C_CAMERA_TILT, C_DET_LOW, C_DET_HIGH, C_LATENCY_LOW, C_LATENCY_HIGH, C_NOISE_LOW,
  C_NOISE_HIGH, C_COMMAND_LOW, C_COMMAND_HIGH, C_WIND, C_ODOMETRY, C_VISION, C_AUGMENTATION, C_RHO, C_WARM,
  C_WARM_LOW, C_WARM_HIGH, C_STRIDE, C_FUTURE_STRIDE, C_LIMIT, C_SUBSTEPS, C_GAIN, C_SWINGS, C_FRONTIER,
- C_NOISE_POWER, C_DRAG_LOW, C_DRAG_HIGH, C_MOTOR_LAG_LOW, C_MOTOR_LAG_HIGH, C_RATE_GAIN_LOW, C_RATE_GAIN_HIGH) = (
+ C_NOISE_POWER, C_DRAG_LOW, C_DRAG_HIGH, C_MOTOR_LAG_LOW, C_MOTOR_LAG_HIGH, C_RATE_GAIN_LOW, C_RATE_GAIN_HIGH,
+ C_GUIDANCE) = (
     0, 1, 2, 3, 4, 10, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37,
     38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51,
-    52, 53, 54, 55, 56, 57, 58, 59)  # fmt: skip
-CONFIG_DIM = 60
+    52, 53, 54, 55, 56, 57, 58, 59, 60)  # fmt: skip
+CONFIG_DIM = 61
 
 Pair = tuple[float, float]
 
@@ -47,6 +48,9 @@ class EnvConfig:
     2.5 m/s.
     `warm`: share of episodes in which the drone first hovers and watches for `warm_time` (as the harness does before it
     engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
+    `guidance`: the laws of `policies/guidance/guide.py` act on every action before it is delayed and flown, by the
+    belief and the odometry that the policy was shown. The guided action is the one that the next observation and the
+    reward are told of.
     `augmentation` False and `rho` False are the paper's ablations (raw poses and their differences; rho fixed to 1).
     """
 
@@ -94,6 +98,7 @@ class EnvConfig:
     warm: float = 0.0
     warm_time: Pair = (0.15, 1.0)
     gain_slot: bool = True
+    guidance: bool = False
     rules: ContactRules = field(default_factory=ContactRules)
     weights: RewardWeights = field(default_factory=RewardWeights)
 
@@ -170,6 +175,7 @@ class EnvConfig:
                 *self.drag,
                 *self.motor_lag,
                 *self.rate_gain,
+                float(self.guidance),
             ],
             dtype=np.float64,
         )

@@ -20,6 +20,7 @@ from policies.environment.reset import reset_rows
 from policies.environment.rows import ENDED_DIM, S_FILLED, S_STEP, Rows, Shared, allocate
 from policies.environment.step import step_rows
 from policies.estimation.ctrv import BeliefParams
+from policies.guidance.params import GuidanceParams
 from policies.task.contact import OUTCOME, REASON, REASONS, SUCCESS
 from vehicle.camera.noise import paper_noise
 from vehicle.camera.pinhole import Camera
@@ -71,6 +72,7 @@ class Env:
             noise=paper_noise(),
             nominal=airframe.params_row(),
             camera=mount.row(),
+            guidance=GuidanceParams.of(airframe).row(),
         )
         self.tally = Tally()
         self.steps = 0

@@ -21,7 +21,7 @@ from policies.environment.rows import (
 )
 from policies.environment.vision import see
 from policies.estimation.board_ekf import surface_sigma
-from policies.estimation.thrust_drag import G_DRAG, gain_update
+from policies.estimation.thrust_drag import G_DRAG, G_GAIN, gain_update
 from policies.task.observation import (
     ENTRY_DIM,
     build_observation,
@@ -75,19 +75,33 @@ def odometry(rows, i):
 
 
 @njit
+def own_gain(rows, i, shared):
+    """(achieved over asked thrust, drag 1/s) as row i has found them out."""
+    if shared.config[C_GAIN] > 0.0:
+        return rows.gain[i, G_GAIN], rows.gain[i, G_DRAG]
+    return 1.0, shared.nominal[DRAG] / shared.nominal[MASS]
+
+
+@njit
+def own_sigma(rows, i, shared):
+    """How well row i knows the board's surface, m along its normal: 0 where it is told the truth, or raw poses."""
+    seeing = shared.config[C_VISION] > 0.0 and shared.config[C_AUGMENTATION] > 0.0
+    return surface_sigma(rows.belief[i]) if seeing else 0.0
+
+
+@njit
 def observe(rows, i, shared, rho):
     """Write the observation and the critic's future of row i; updates the thrust-gain estimate."""
     c, state, x = shared.config, rows.state[i], rows.scratch[i]
     odometry(rows, i)
     p, v, q = x[X_P : X_P + 3], x[X_V : X_V + 3], x[X_Q : X_Q + 4]
-    gain, drag = 1.0, shared.nominal[DRAG] / shared.nominal[MASS]
     if c[C_GAIN] > 0.0:
         zx, zy, zz = body_z(q)
-        lag, asked = shared.nominal[MOTOR_LAG] + 0.01, state[S_COMMAND + 3]
-        gain = gain_update(rows.gain[i], v[0], v[1], v[2], zx, zy, zz, asked, TICK, lag, drag, GRAVITY)
-        drag = rows.gain[i, G_DRAG]
-    seeing = c[C_VISION] > 0.0 and c[C_AUGMENTATION] > 0.0
-    sigma, stride = surface_sigma(rows.belief[i]) if seeing else 0.0, int(c[C_STRIDE])
+        lag, asked, expected = shared.nominal[MOTOR_LAG] + 0.01, state[S_COMMAND + 3], shared.nominal[DRAG]
+        expected /= shared.nominal[MASS]
+        gain_update(rows.gain[i], v[0], v[1], v[2], zx, zy, zz, asked, TICK, lag, expected, GRAVITY)
+    gain, drag = own_gain(rows, i, shared)
+    sigma, stride = own_sigma(rows, i, shared), int(c[C_STRIDE])
     now = state[S_STEP] * TICK
     action = state[S_ACTION : S_ACTION + 4]
     build_observation(rows.history[i], p, v, q, rho, action, gain, drag, sigma, stride, now, rows.observation[i])

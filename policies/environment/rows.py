@@ -46,8 +46,8 @@ E_STEPS, E_SEEN, E_RHO, E_RETURN, E_SPEED, E_INCLINATION, E_FAMILY, E_LAW, E_ERR
 ENDED_DIM = RESULT_DIM + 9
 
 # Slices of a scratch row.
-X_OBSERVED, X_Z, X_R, X_COMMAND, X_BOARD, X_Q, X_P, X_V, X_SIGMA = 0, 10, 15, 20, 24, 32, 36, 39, 42
-SCRATCH_DIM = 48
+X_OBSERVED, X_Z, X_R, X_COMMAND, X_BOARD, X_Q, X_P, X_V, X_SIGMA, X_FLOWN = 0, 10, 15, 20, 24, 32, 36, 39, 42, 45
+SCRATCH_DIM = 49
 
 
 class Rows(NamedTuple):
@@ -85,6 +85,7 @@ class Shared(NamedTuple):
     noise: np.ndarray
     nominal: np.ndarray  # params row of the airframe
     camera: np.ndarray
+    guidance: np.ndarray  # row of GuidanceParams
 
 
 def track_length(config: EnvConfig) -> int:

@@ -1,8 +1,9 @@
 """One control step of one episode, mapped over all rows.
 
-Order within a step: the action reaches the rate loop after its transport delay, 10 ms of physics, contact and the
-paper's Algorithm 1, perception, reward, observation. Nothing here knows of any other row, so rows run in parallel and
-give the same numbers whatever the number of threads.
+Order within a step: guidance, if it is switched on, corrects the action; what is then flown reaches the rate loop after
+its transport delay; 10 ms of physics, contact and the paper's Algorithm 1, perception, reward, observation. Reward and
+observation are told of the action that was flown. Nothing here knows of any other row, so rows run in parallel and give
+the same numbers whatever the number of threads.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit, prange
-from policies.environment.config import C_SUBSTEPS, C_VISION, TICK
+from policies.environment.config import C_GUIDANCE, C_SUBSTEPS, C_VISION, TICK
 from policies.environment.motion import extend_track
-from policies.environment.observe import observe, perceive
+from policies.environment.observe import observe, own_gain, own_sigma, perceive
 from policies.environment.reset import reset_row
 from policies.environment.rows import (
     E_ERROR,
@@ -41,11 +42,16 @@ from policies.environment.rows import (
     S_VISIBLE,
     X_BOARD,
     X_COMMAND,
+    X_FLOWN,
+    X_P,
+    X_Q,
+    X_V,
 )
 from policies.environment.vision import latency_now
 from policies.estimation.board_ekf import B_T
+from policies.guidance.guide import NOT_FINITE, guide
 from policies.task.contact import ONGOING, RESULT_DIM, evaluate
-from policies.task.observation import command_from_action
+from policies.task.observation import action_from_command, command_from_action
 from policies.task.reward import active_perception, shaping, terminal, total
 from vehicle.camera.pinhole import camera_position, optical_axis
 from vehicle.quadrotor.batch import LANES, NEWER, OLDER, SINCE, fly_block
@@ -53,10 +59,27 @@ from vehicle.quadrotor.dynamics import P, Q, V, W
 
 
 @njit
+def _guide(rows, i, shared, command):
+    """Guidance on `command` (4,), by what the policy of row i was shown. True if a law changed it."""
+    own = rows.scratch[i]
+    gain, drag = own_gain(rows, i, shared)
+    laws = guide(
+        command, own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4], rows.believed[i],
+        own_sigma(rows, i, shared), rows.state[i, S_COMMAND : S_COMMAND + 4], gain, drag, shared.guidance,
+    )  # fmt: skip
+    return laws not in (0, NOT_FINITE)
+
+
+@njit
 def _order(rows, i, shared, action):
     """What the vehicle of row i is asked in this step: the commands asked before act until the new one arrives."""
     state, command, order = rows.state[i], rows.scratch[i, X_COMMAND : X_COMMAND + 4], rows.order[i]
-    command_from_action(action, command)
+    flown = rows.scratch[i, X_FLOWN : X_FLOWN + 4]
+    for k in range(4):
+        flown[k] = min(1.0, max(-1.0, action[k]))
+    command_from_action(flown, command)
+    if shared.config[C_GUIDANCE] > 0.0 and _guide(rows, i, shared, command):
+        action_from_command(command, flown)
     substeps = int(shared.config[C_SUBSTEPS])
     whole = int(state[S_DELAY]) // substeps
     order[SINCE] = int(state[S_DELAY]) % substeps
@@ -80,7 +103,7 @@ def _active(rows, i, shared, board, now):
 
 
 @njit
-def _follow(rows, i, shared, action):
+def _follow(rows, i, shared):
     """All of a control step that comes after the physics; a row that ends begins anew."""
     c, state, vehicle, x = shared.config, rows.state[i], rows.vehicle[i], rows.scratch[i]
     state[S_STEP] += 1.0
@@ -93,16 +116,14 @@ def _follow(rows, i, shared, action):
     outcome = evaluate(p, v, q, w, board, elapsed, shared.rules, rows.result[i])
     rho = perceive(rows, i, shared, board, latency_now(rows, i))
     terms, weights = rows.terms[i], shared.weights
-    clipped = x[0:4]
-    for k in range(4):
-        clipped[k] = min(1.0, max(-1.0, action[k]))
-    shaping(p, v, q, w, board, clipped, state[S_ACTION : S_ACTION + 4], weights, terms)
+    flown = x[X_FLOWN : X_FLOWN + 4]
+    shaping(p, v, q, w, board, flown, state[S_ACTION : S_ACTION + 4], weights, terms)
     if c[C_VISION] > 0.0:
         _active(rows, i, shared, board, state[S_STEP] * TICK)
     terminal(rows.result[i], shared.rules, weights, terms)
     reward = total(terms)
     rows.reward[i] = reward
-    state[S_ACTION : S_ACTION + 4] = clipped
+    state[S_ACTION : S_ACTION + 4] = flown
     state[S_RETURN] += reward
     state[S_SEEN] += state[S_VISIBLE]
     state[S_RHO] += rho
@@ -137,4 +158,4 @@ def step_rows(rows, shared, actions):
             _order(rows, i, shared, actions[i])
         fly_block(rows.vehicle, rows.order, rows.params, first, TICK / substeps, substeps)
         for i in range(first, last):
-            _follow(rows, i, shared, actions[i])
+            _follow(rows, i, shared)

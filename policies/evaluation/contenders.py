@@ -54,6 +54,7 @@ class Contender:
     stage: str  # what it was trained for, or "vision"
     stride: int = EnvConfig.stride
     airframe: str = EnvConfig.airframe
+    guidance: bool = False  # made to be flown with guidance outside
 
     def config(self, stage: str | None, seed: int, **changes: object) -> EnvConfig:
         """The environment to judge it in; `stage` None: its own. Odometry is perfect in the state stage.
@@ -62,7 +63,8 @@ class Contender:
         """
         stage = stage or self.stage
         settings = {"odometry_noise": 0.0 if stage == "state" else 1.0, "noise_scale": (1.0, 1.0), **changes}
-        return EnvConfig(stage=stage, stride=self.stride, seed=seed, airframe=self.airframe, **settings)  # type: ignore[arg-type]
+        made_for = {"stride": self.stride, "airframe": self.airframe, "guidance": self.guidance}
+        return EnvConfig(stage=stage, seed=seed, **{**made_for, **settings})  # type: ignore[arg-type]
 
 
 def open_contender(name: str) -> Contender:
@@ -78,11 +80,12 @@ def open_contender(name: str) -> Contender:
         return Contender(name, Expert(), "vision")
     file = policy_file(name)
     if file is None and name in NAMES:
-        return Contender(name, PlannerInEnv(LEARNED if name == "planner" else ANALYTIC), "vision")
+        return Contender(name, PlannerInEnv(LEARNED if name == "planner" else ANALYTIC), "vision", guidance=True)
     if file is None or file.suffix != ".onnx":
         near = difflib.get_close_matches(name, NAMES, 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise ValueError(f"no policy '{name}': give {', '.join(NAMES)} or the path of an .onnx file{hint}")
     made = OnnxPolicy(file)
     contract = made.contract
-    return Contender(contract.name, made, contract.stage, contract.observation.stride, contract.airframe)
+    made_for = contract.stage, contract.observation.stride, contract.airframe, contract.guidance
+    return Contender(contract.name, made, *made_for)

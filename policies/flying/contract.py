@@ -89,6 +89,7 @@ class Contract(_Part):
     observation: ObservationContract = ObservationContract()
     action: ActionContract = ActionContract()
     camera: CameraContract = CameraContract()
+    guidance: bool = Field(default=False, description="fly it with guidance outside; older files have it inside")
     provenance: Provenance
     shift: tuple[float, ...] = ()
     scale: tuple[float, ...] = ()

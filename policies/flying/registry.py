@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from policies.flying.contract import CameraContract
+from policies.flying.guided import GuidedPolicy
 from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.shipped import SHIPPED, policy_file
 from policies.planner.learned_policy import LearnedPlannerPolicy
@@ -13,19 +14,27 @@ from policies.task.interface import FlyingPolicy
 from vehicle.quadrotor.airframe import Airframe
 
 
-def policy_factory(name: str, airframe: Airframe, camera: CameraContract | None = None) -> Callable[[], FlyingPolicy]:
+def policy_factory(
+    name: str, airframe: Airframe, camera: CameraContract | None = None, guidance: bool = True
+) -> Callable[[], FlyingPolicy]:
     """Makes the policy called `name`: `planner` (it predicts by a network), `planner-analytic`, a shipped network
-    (`vision`, `state`), or an ONNX file.
+    (`vision`, `state`), or an ONNX file. With `guidance` the laws of the last half second act on what it asks, but for
+    a network whose contract does not want them.
 
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
     """
+
+    def guided(policy: FlyingPolicy) -> FlyingPolicy:
+        return GuidedPolicy(policy, airframe) if guidance else policy
+
     if name == "planner":
-        return lambda: LearnedPlannerPolicy(airframe)
+        return lambda: guided(LearnedPlannerPolicy(airframe))
     if name == "planner-analytic":
-        return lambda: PlannerPolicy(airframe)
+        return lambda: guided(PlannerPolicy(airframe))
     file = policy_file(name)
     if file is None or file.suffix != ".onnx":
         known = ", ".join((*SHIPPED, "planner", "planner-analytic"))
         raise ValueError(f"no policy {name!r}: use {known}, or the path of an .onnx file")
-    policy = OnnxPolicy(file, airframe, camera)
+    network = OnnxPolicy(file, airframe, camera)
+    policy = guided(network) if network.contract.guidance else network
     return lambda: policy

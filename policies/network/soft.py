@@ -13,8 +13,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from policies.guidance.alignment import BESIDE, SLOWEST
-from policies.network.touch import BELOW, RADIUS, approach, seen_poorly
+from policies.network.touch import BELOW, BESIDE, RADIUS, SLOWEST, approach, seen_poorly
 from policies.task.observation import TAIL_ACTION, TAIL_DRAG, TAIL_GAIN, TAIL_V, THRUST_MAX, THRUST_MIN
 from vehicle.quadrotor.airframe import GRAVITY
 

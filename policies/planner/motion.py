@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from kernel.jit import njit
 from kernel.rotations import body_z
-from policies.guidance.alignment import touch_rates
-from policies.guidance.flare import late_flare
 from policies.planner import params as pp
 from policies.planner import polynomial as poly
 from policies.planner.contact_thrust import touch_thrust
@@ -17,13 +15,13 @@ _C = poly.COEFFICIENTS
 
 
 @njit
-def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, given, before, sigma, params, out):
+def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, given, sigma, params, out):
     """Fill `out` (4,): body rate FLU (rad/s), collective thrust (m/s^2).
 
     `m` (MOTION_DIM,): the motion, begun `since` s ago; it ends at contact after `duration` s, in `left` s. `p`, `v`
     (3,) world, `q` (4,) world from body; `board` (8,) the board now, `acceleration` m/s^2 its own along its heading;
-    `gain` achieved over asked thrust, `given` m/s^2 the thrust that the motors give now; `before` (2,) rates asked
-    last, rad/s; `sigma` m of the board's surface along its normal.
+    `gain` achieved over asked thrust, `given` m/s^2 the thrust that the motors give now; `sigma` m of the
+    board's surface along its normal.
     """
     now = min(duration, since)
     fade = min(1.0, max(0.0, left / max(params[pp.FADE], 1e-6)))
@@ -55,7 +53,3 @@ def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, giv
     if left < params[pp.TOUCH_FROM]:
         thrust = touch_thrust(p, v, zx, zy, zz, board, acceleration, left, thrust, given, gain, sigma, params)
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
-    below, radius = params[pp.ROBOT_L], params[pp.ROBOT_R]
-    lean, limit = params[pp.TOUCH_LEAN], params[pp.RATE_MAX]
-    touch_rates(p, v, q, board, before, sigma, lean, below, radius, limit, out)
-    late_flare(p, v, q, board, before, gain * params[pp.THRUST_MAX], lean, below, radius, limit, out)

@@ -13,7 +13,6 @@ from kernel.rotations import body_z
 from policies.estimation.board_ekf import B_STREAK, B_T, belief_covariance, belief_valid, surface_sigma
 from policies.estimation.ctrv import N
 from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
-from policies.guidance.alignment import touch_rates
 from policies.planner import params as pp
 from policies.planner.follow import climb_away, follow, hold
 from policies.planner.glide import glide
@@ -239,13 +238,9 @@ def _decide(state, t, p, v, q, board, estimate, future, step, params):
 @njit
 def _glide(state, t, p, v, q, board, estimate, params, out):
     """Fly the way down in sight; a miss is climbed away from."""
-    gain, before = state[S_GAIN + G_GAIN], state[S_ASKED : S_ASKED + 2]
-    age, sigma = estimate[E_AGE], estimate[E_SURFACE]
-    if glide(p, v, q, board, state[S_ACCELERATION], age, gain, params, out):
+    if glide(p, v, q, board, state[S_ACCELERATION], estimate[E_AGE], state[S_GAIN + G_GAIN], params, out):
         state[S_PHASE] = _leave(state, t, params)
         state[S_MISSES] += 1.0
-    lean, below, radius = params[pp.TOUCH_LEAN], params[pp.ROBOT_L], params[pp.ROBOT_R]
-    touch_rates(p, v, q, board, before, sigma, lean, below, radius, params[pp.RATE_MAX], out)
 
 
 @njit
@@ -291,10 +286,10 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
         _glide(state, t, p, v, q, board, estimate, params, out)
     else:
         motion, begun, contact = state[S_MOTION : S_MOTION + MOTION_DIM], state[S_BEGUN], state[S_CONTACT]
-        given, before = gain * state[S_GAIN + G_LAGGED], state[S_ASKED : S_ASKED + 2]
+        given = gain * state[S_GAIN + G_LAGGED]
         fly_motion(
             motion, t - begun, contact - begun, contact - t, p, v, q, board, state[S_ACCELERATION], gain, given,
-            before, estimate[E_SURFACE], params, out,
+            estimate[E_SURFACE], params, out,
         )  # fmt: skip
     state[S_ASKED : S_ASKED + 4] = out
     return phase

@@ -20,12 +20,13 @@ from policies.planner.planner import (
     HOLD,
     PHASES,
     PLANNER_DIM,
+    S_ASKED,
     S_GAIN,
     planner_on_estimate,
     planner_reset,
 )
 from policies.prediction.future import HORIZON, STEP
-from policies.task.interface import BoardView, Command, VehicleView
+from policies.task.interface import BoardView, Command, Vec3, VehicleView
 from vehicle.quadrotor.airframe import Airframe
 
 
@@ -64,6 +65,10 @@ class PlannerPolicy:
             self._out,
         )  # fmt: skip
         return self._command(phase)
+
+    def flown(self, body_rate: Vec3, thrust: float) -> None:
+        """What guidance made of the last command: what thrust gives is judged by it."""
+        self._state[S_ASKED : S_ASKED + 3], self._state[S_ASKED + 3] = body_rate, thrust
 
     def _look(
         self, now_ns: int, vehicle: VehicleView, board: BoardView

@@ -54,13 +54,20 @@ class BoardView(Protocol):
 
 
 class Command(NamedTuple):
-    """One tick's answer: body rate rad/s (FLU), collective thrust m/s^2; not `engaged`: the driver keeps its hover."""
+    """One tick's answer: body rate rad/s (FLU), collective thrust m/s^2; not `engaged`: the driver keeps its hover.
+
+    `asked_*`: what the policy asked before guidance, `laws` which laws of guidance acted (bits of
+    `policies/guidance/guide.py`); without guidance they are absent.
+    """
 
     engaged: bool
     body_rate: Vec3
     thrust: float
     phase: str
     thrust_gain: float
+    asked_rate: Vec3 | None = None
+    asked_thrust: float | None = None
+    laws: int = 0
 
 
 class FlyingPolicy(Protocol):
@@ -72,3 +79,7 @@ class FlyingPolicy(Protocol):
     def reset(self, now_ns: int) -> None: ...
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command: ...
+
+    def flown(self, body_rate: Vec3, thrust: float) -> None:
+        """What guidance made of the command last answered, if it changed it (rad/s FLU, m/s^2)."""
+        ...

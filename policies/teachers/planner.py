@@ -93,7 +93,7 @@ def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratc
         planner_reset(state, now, params)
         memory[:] = 0.0
         state[S_GAIN : S_GAIN + GAIN_DIM] = rows.gain[i]  # the hover before the episode has shown it
-        state[S_ASKED : S_ASKED + 4] = rows.state[i, S_COMMAND : S_COMMAND + 4]
+    state[S_ASKED : S_ASKED + 4] = rows.state[i, S_COMMAND : S_COMMAND + 4]  # what was flown shows what thrust gives
     x, estimate = work[_BOARD : _BOARD + 8], work[_ESTIMATE : _ESTIMATE + ESTIMATE_DIM]
     command, own = work[_COMMAND : _COMMAND + 4], rows.scratch[i]
     _board_now(rows, i, shared, now, source == FORESEEN, x, work[_COVARIANCE:_ESTIMATE], estimate)
@@ -185,8 +185,6 @@ class PlannerTeacher:
     def act(self) -> np.ndarray:
         """The actions ((N, 4) in [-1, 1], overwritten by the next call); `remaining` gets the s to each contact."""
         states = self._planner.states
-        asked = self._env.rows.state[:, S_COMMAND : S_COMMAND + 4]
-        states[:, S_ASKED : S_ASKED + 4] = asked  # of whoever flies: it shows what thrust gives
         actions = self._planner(self._env)
         bound = np.isin(states[:, S_PHASE], (COMMIT, TERMINAL))
         left = states[:, S_CONTACT] - self._env.rows.state[:, S_STEP] * TICK

@@ -44,6 +44,7 @@ def contract_for(env: EnvConfig, name: str, provenance: Provenance) -> Contract:
         airframe=env.airframe,
         observation=ObservationContract(stride=env.stride),
         camera=CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg)),
+        guidance=env.guidance,
         provenance=provenance,
         shift=shift,
         scale=scale,

@@ -96,10 +96,23 @@ class CameraMount(_Section):
 class ContactGeometry(_Section):
     """What touches the board."""
 
-    magnet_below: float = Field(
-        default=0.04, gt=0, le=0.5, description="face of the magnet under the centre of mass, m"
-    )
-    footprint_radius: float = Field(default=0.13, gt=0, le=1, description="disc that stands for body and rotors, m")
+    magnet_below: float = Field(gt=0, le=0.5, description="face of the magnet under the centre of mass, m")
+    footprint_radius: float = Field(gt=0, le=1, description="disc that stands for body and rotors, m")
+
+
+class CommandLimits(_Section):
+    """What may be asked of the vehicle (paper App. "Experimental Setup"), and how soon its body rate follows."""
+
+    thrust: tuple[float, float] = Field(description="mass-normalised collective thrust, least and most, m/s^2")
+    body_rate: float = Field(gt=0, le=20, description="most about each body axis, rad/s")
+    rate_lag: float = Field(gt=0.001, le=0.5, description="first-order lag of the body rate behind its set-point, s")
+
+    @model_validator(mode="after")
+    def _carries(self) -> CommandLimits:
+        low, high = self.thrust
+        if not 0.0 <= low < GRAVITY < high:
+            raise ValueError(f"thrust is [{low}, {high}]; it must hold gravity ({GRAVITY} m/s^2) between its limits")
+        return self
 
 
 class Airframe(_Section):
@@ -110,8 +123,16 @@ class Airframe(_Section):
     body: Body
     motors: Motors
     rate_control: RateControl
+    command: CommandLimits
     camera: CameraMount = CameraMount()
-    contact: ContactGeometry = ContactGeometry()
+    contact: ContactGeometry
+
+    @model_validator(mode="after")
+    def _strong_enough(self) -> Airframe:
+        most = self.motors.thrust_to_weight * GRAVITY
+        if self.command.thrust[1] > most:
+            raise ValueError(f"command.thrust reaches {self.command.thrust[1]} m/s^2; the motors give {most:.2f} at most")
+        return self
 
     @property
     def hover_thrust(self) -> float:

@@ -23,7 +23,7 @@ from policies.task.observation import (
     history_dim,
     push_history,
 )
-from tests.unit.policies.guidance.touch_situation import situation
+from tests.unit.policies.guidance.situation import situation
 from vehicle.quadrotor.airframe import GRAVITY
 
 torch.set_num_threads(1)

@@ -21,6 +21,13 @@ yaw_torque = 0.01
 p = [0.1, 0.1, 0.1]
 i = [0.1, 0.1, 0.1]
 d = [0.0, 0.0, 0.0]
+[command]
+thrust = [5.0, 15.0]
+body_rate = 3.0
+rate_lag = 0.05
+[contact]
+magnet_below = 0.04
+footprint_radius = 0.1
 """
 
 
@@ -77,6 +84,10 @@ def test_a_file_of_ones_own_is_read_and_named_after_itself(tmp_path):
         (("mass = 1.0", "mass = nan"), "body.mass"),
         (("mass = 1.0", "weight = 1.0"), "body.weight"),
         (("thrust_to_weight = 2.0", "thrust_to_weight = 0.9"), "motors.thrust_to_weight"),
+        (("[contact]\nmagnet_below = 0.04\nfootprint_radius = 0.1\n", ""), "contact: Field required"),
+        (("[command]\nthrust = [5.0, 15.0]\nbody_rate = 3.0\nrate_lag = 0.05\n", ""), "command: Field required"),
+        (("thrust = [5.0, 15.0]", "thrust = [10.0, 15.0]"), "gravity"),
+        (("thrust = [5.0, 15.0]", "thrust = [5.0, 20.0]"), "the motors give 19.61"),
         (("[0.01, 0.01, 0.02]", "[0.01, 0.01, 0.03]"), "inertia"),
         (("p = [0.1, 0.1, 0.1]", "p = [0.1, 0.1]"), "rate_control.p"),
         (('title = "t"', 'title = "t'), "not valid TOML"),
