@@ -10,7 +10,6 @@ import numpy as np
 
 from policies.baselines import fast_perching_cost as fp
 from policies.baselines.min_snap import PIECES, basis, min_snap
-from policies.task.observation import THRUST_MAX, THRUST_MIN
 from vehicle.quadrotor.airframe import GRAVITY
 
 _MEMORY, _PAST, _DELTA = 32, 3, 1e-4
@@ -26,8 +25,8 @@ class FastPerchingParams:
     """
 
     speed_max: float = 6.0
-    thrust_min: float = THRUST_MIN
-    thrust_max: float = THRUST_MAX
+    thrust_min: float = 4.8
+    thrust_max: float = 14.8
     rate_max: float = 3.0
     robot_l: float = 0.02
     robot_r: float = 0.13

@@ -26,7 +26,7 @@ _OFF = 0.3  # m beside the plan: the next one starts from where the vehicle is
 
 
 @njit
-def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
+def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, limits, out):
     """Normalised action (4,) that follows a plan: its states ((4, 3)) now, a rate lag and a thrust lag ahead.
 
     `left` s to contact; position feedback fades out before it, as it would turn the body.
@@ -48,7 +48,7 @@ def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
         q, force[0], force[1], force[2], fed[0], fed[1], fed[2], jerk[0], jerk[1], jerk[2], yaw_rate, thrust, gain,
         params, out,
     )  # fmt: skip
-    action_from_command(out.copy(), out)
+    action_from_command(out.copy(), limits, out)
 
 
 class FastPerching:
@@ -71,7 +71,9 @@ class FastPerching:
     def _begin(self, env: Env) -> None:
         count, params = env.config.count, planner_params(env.airframe)
         self._env, self._track = env, params.row()
-        self._params = FastPerchingParams(robot_l=params.robot_l, robot_r=params.robot_r)
+        self._params = FastPerchingParams(
+            thrust_min=params.thrust_min, thrust_max=params.thrust_max, robot_l=params.robot_l, robot_r=params.robot_r
+        )
         self._plans: list[tuple[PerchPlan, float] | None] = [None] * count
         self._out = np.zeros((count, 4))
 
@@ -87,7 +89,8 @@ class FastPerching:
         soon = t - begun + self._track[pp.THRUST_LAG] + 0.5 * TICK
         states = plan.at(t - begun), plan.at(ahead), plan.at(soon)
         left = plan.duration - (t - begun)
-        track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, G_GAIN], self._track, self._out[i])
+        believed, gain, limits = rows.believed[i], rows.gain[i, G_GAIN], env.shared.limits
+        track_plan(*states, left, p, v, q, believed, gain, self._track, limits, self._out[i])
 
     def _plan(
         self, made: tuple[PerchPlan, float] | None, t: float, p: np.ndarray, v: np.ndarray, seen: np.ndarray

@@ -73,6 +73,7 @@ class Env:
             nominal=airframe.params_row(),
             camera=mount.row(),
             guidance=GuidanceParams.of(airframe).row(),
+            limits=airframe.limits_row(),
         )
         self.tally = Tally()
         self.steps = 0

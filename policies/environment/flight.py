@@ -82,7 +82,8 @@ class EnvFlight:
     def act(self, command: Command) -> None:
         """One control step under `command`; `done` says whether it ended the episode and began another."""
         action = np.zeros(4)
-        action_from_command(np.array([*command.body_rate, command.thrust]), action)
+        asked = np.array([*command.body_rate, command.thrust])
+        action_from_command(asked, self.env.shared.limits, action)
         state = self.env.rows.state[0]
         due = state[S_EXPOSURE]
         self.env.step(action[None])

@@ -188,7 +188,7 @@ def reset_row(rows, i, shared):
     command[3] = GRAVITY / true_gain(rows, i, shared) if state[S_BEGIN] > 0.0 else GRAVITY
     state[S_COMMAND : S_COMMAND + 4] = command
     state[S_BEFORE : S_BEFORE + 4] = command
-    action_from_command(command, state[S_ACTION : S_ACTION + 4])
+    action_from_command(command, shared.limits, state[S_ACTION : S_ACTION + 4])
     rho = 1.0
     if vision:
         rho = see(rows, i, shared, rows.track[i, int(state[S_STEP])], 0.0)

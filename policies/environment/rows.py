@@ -86,6 +86,7 @@ class Shared(NamedTuple):
     nominal: np.ndarray  # params row of the airframe
     camera: np.ndarray
     guidance: np.ndarray  # row of GuidanceParams
+    limits: np.ndarray  # limits row of the airframe: what actions are scaled by
 
 
 def track_length(config: EnvConfig) -> int:

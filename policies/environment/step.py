@@ -77,9 +77,9 @@ def _order(rows, i, shared, action):
     flown = rows.scratch[i, X_FLOWN : X_FLOWN + 4]
     for k in range(4):
         flown[k] = min(1.0, max(-1.0, action[k]))
-    command_from_action(flown, command)
+    command_from_action(flown, shared.limits, command)
     if shared.config[C_GUIDANCE] > 0.0 and _guide(rows, i, shared, command):
-        action_from_command(command, flown)
+        action_from_command(command, shared.limits, flown)
     substeps = int(shared.config[C_SUBSTEPS])
     whole = int(state[S_DELAY]) // substeps
     order[SINCE] = int(state[S_DELAY]) % substeps

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from policies.estimation.own_state import OwnState
-from policies.flying.contract import CameraContract, check_contract, open_policy
+from policies.flying.contract import check_contract, open_policy
 from policies.task.interface import BoardView, Command, Vec3, VehicleView
 from policies.task.observation import ObservationBuilder, action_from_command, command_from_action
 from vehicle.quadrotor.airframe import GRAVITY, Airframe
@@ -16,13 +16,13 @@ from vehicle.quadrotor.airframe import GRAVITY, Airframe
 class OnnxPolicy:
     """A trained network; it waits, not engaged, until the belief is valid, then flies to the end."""
 
-    def __init__(self, path: str | Path, airframe: Airframe, camera: CameraContract | None = None) -> None:
+    def __init__(self, path: str | Path, airframe: Airframe) -> None:
         """Raises ContractError if the file is missing, corrupt or made for something else."""
         self._session, self.contract = open_policy(path)
-        check_contract(self.contract, airframe=airframe.name, camera=camera)
+        check_contract(self.contract, airframe=airframe)
         self._input = self._session.get_inputs()[0].name
         self._builder = ObservationBuilder(self.contract.observation.stride)
-        self._own = OwnState(airframe)
+        self._own, self._limits = OwnState(airframe), airframe.limits_row()
         self._action, self._command = np.zeros(4), np.zeros(4)
         self.reset(0)
 
@@ -31,7 +31,7 @@ class OnnxPolicy:
         self._builder.reset()
         self._own.reset(now_ns)
         self._command[:] = 0.0, 0.0, 0.0, GRAVITY
-        action_from_command(self._command, self._action)
+        action_from_command(self._command, self._limits, self._action)
         self._engaged, self._odometry_ns = False, -1
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
@@ -55,11 +55,11 @@ class OnnxPolicy:
         )  # fmt: skip
         raw = self._session.run(None, {self._input: observation[None]})[0][0]
         self._action[:] = np.clip(raw.astype(np.float64), -1.0, 1.0)
-        command_from_action(self._action, self._command)
+        command_from_action(self._action, self._limits, self._command)
         p, q, r, thrust = (float(value) for value in self._command)
         return Command(True, (p, q, r), thrust, "network", float(own.gain))
 
     def flown(self, body_rate: Vec3, thrust: float) -> None:
         """What guidance made of the last command: the next observation's previous action."""
         self._command[:3], self._command[3] = body_rate, thrust
-        action_from_command(self._command, self._action)
+        action_from_command(self._command, self._limits, self._action)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from policies.flying.contract import CameraContract
 from policies.flying.guided import GuidedPolicy
 from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.shipped import SHIPPED, policy_file
@@ -14,9 +13,7 @@ from policies.task.interface import FlyingPolicy
 from vehicle.quadrotor.airframe import Airframe
 
 
-def policy_factory(
-    name: str, airframe: Airframe, camera: CameraContract | None = None, guidance: bool = True
-) -> Callable[[], FlyingPolicy]:
+def policy_factory(name: str, airframe: Airframe, guidance: bool = True) -> Callable[[], FlyingPolicy]:
     """Makes the policy called `name`: `planner` (it predicts by a network), `planner-analytic`, a shipped network
     (`vision`, `state`), or an ONNX file. With `guidance` the laws of the last half second act on what it asks, but for
     a network whose contract does not want them.
@@ -35,6 +32,6 @@ def policy_factory(
     if file is None or file.suffix != ".onnx":
         known = ", ".join((*SHIPPED, "planner", "planner-analytic"))
         raise ValueError(f"no policy {name!r}: use {known}, or the path of an .onnx file")
-    network = OnnxPolicy(file, airframe, camera)
+    network = OnnxPolicy(file, airframe)
     policy = guided(network) if network.contract.guidance else network
     return lambda: policy

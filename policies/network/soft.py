@@ -13,8 +13,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from policies.network.touch import BELOW, BESIDE, RADIUS, SLOWEST, approach, seen_poorly
-from policies.task.observation import TAIL_ACTION, TAIL_DRAG, TAIL_GAIN, TAIL_V, THRUST_MAX, THRUST_MIN
+from policies.network.touch import BELOW, BESIDE, RADIUS, SLOWEST, THRUST_MAX, THRUST_MIN, approach, seen_poorly
+from policies.task.observation import TAIL_ACTION, TAIL_DRAG, TAIL_GAIN, TAIL_V
 from vehicle.quadrotor.airframe import GRAVITY
 
 WITHIN = 0.15  # s to contact, from where on

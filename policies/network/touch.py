@@ -7,12 +7,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from policies.task.observation import RATE_MAX, TAIL_ACTION, TAIL_GAIN, TAIL_R, TAIL_SIGMA, TAIL_V, THRUST_MAX
+from policies.task.observation import TAIL_ACTION, TAIL_GAIN, TAIL_R, TAIL_SIGMA, TAIL_V
 from vehicle.quadrotor.airframe import GRAVITY
 
 FROM, SHORTEST, UNSURE, MOST, LAG, BAND, BESIDE, SLOWEST, FACING = 0.12, 0.08, 3.0, 0.04, 0.04, 0.08, 0.3, 0.1, 0.5
 BANK, BANK_FROM, BANK_MOST = 0.4, 0.18, 0.04
 LATEST, WITHIN, SHORTEST_TURN, ASIDE, CLOSING = 3.4, 0.5, 0.04, 0.6, 0.5
+THRUST_MIN, THRUST_MAX, RATE_MAX = 4.8, 14.8, 3.5
 WELL, POORLY = 0.002, 0.006  # m, sigma of the board's surface: where it is well seen, and where poorly
 BELOW, RADIUS = 0.04, 0.13  # m, the underside's disc as in the airframe paper_quad
 SLOPE = 0.5  # sine of the inclination

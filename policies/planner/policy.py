@@ -31,8 +31,11 @@ from vehicle.quadrotor.airframe import Airframe
 
 
 def planner_params(airframe: Airframe) -> PlannerParams:
-    """The planner's defaults with the airframe's drag, thrust lag, camera tilt and contact geometry."""
+    """The planner's defaults with the airframe's drag, thrust lag, camera tilt and contact disc, and its limits."""
     return PlannerParams(
+        thrust_min=airframe.command.thrust[0],
+        thrust_max=airframe.command.thrust[1],
+        rate_max=airframe.command.body_rate,
         drag=sum(airframe.body.drag[:2]) / 2 / airframe.body.mass,
         thrust_lag=airframe.motors.lag,
         camera_tilt=math.radians(airframe.camera.tilt_deg),

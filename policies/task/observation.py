@@ -21,6 +21,7 @@ import math
 import numpy as np
 
 from kernel.jit import njit
+from vehicle.quadrotor import limits_row
 
 LAYOUT_NAME, LAYOUT_VERSION = "perchrl-yaw", 3
 
@@ -31,7 +32,6 @@ TAIL = HISTORY * ENTRY_DIM  # index of the first entry after the history
 NEWEST = TAIL - ENTRY_DIM
 OBS_DIM = TAIL + TAIL_DIM
 
-THRUST_MIN, THRUST_MAX, RATE_MAX = 4.8, 14.8, 3.5  # m/s^2, m/s^2, rad/s (paper App. "Experimental Setup")
 USUAL_DRAG = 0.2  # 1/s, of an open frame of the paper's size
 
 # A history row: the ring's head and fill, then RING entries [x, y, z, normal (3), vx, vy, turn rate, time].
@@ -143,20 +143,25 @@ def build_observation(row, p, v, q, rho, previous, gain, drag, sigma, stride, no
 
 
 @njit
-def command_from_action(action, out):
-    """Normalised action (4,), clipped to [-1, 1], to CTBR `out` (4,): body rate rad/s (3), thrust m/s^2."""
+def command_from_action(action, limits, out):
+    """Normalised action (4,), clipped to [-1, 1], to CTBR `out` (4,): body rate rad/s (3), thrust m/s^2.
+
+    `limits` (limits_row.DIM,): what may be asked of the vehicle (paper Eq. of the CTBR action).
+    """
     for i in range(3):
-        out[i] = RATE_MAX * min(1.0, max(-1.0, action[i]))
+        out[i] = limits[limits_row.BODY_RATE] * min(1.0, max(-1.0, action[i]))
     thrust = min(1.0, max(-1.0, action[3]))
-    out[3] = 0.5 * (1.0 - thrust) * THRUST_MIN + 0.5 * (1.0 + thrust) * THRUST_MAX
+    low, high = limits[limits_row.THRUST_MIN], limits[limits_row.THRUST_MAX]
+    out[3] = 0.5 * (1.0 - thrust) * low + 0.5 * (1.0 + thrust) * high
 
 
 @njit
-def action_from_command(command, out):
+def action_from_command(command, limits, out):
     """Inverse of `command_from_action`, clipped to [-1, 1]."""
     for i in range(3):
-        out[i] = min(1.0, max(-1.0, command[i] / RATE_MAX))
-    middle, half = 0.5 * (THRUST_MAX + THRUST_MIN), 0.5 * (THRUST_MAX - THRUST_MIN)
+        out[i] = min(1.0, max(-1.0, command[i] / limits[limits_row.BODY_RATE]))
+    low, high = limits[limits_row.THRUST_MIN], limits[limits_row.THRUST_MAX]
+    middle, half = 0.5 * (high + low), 0.5 * (high - low)
     out[3] = min(1.0, max(-1.0, (command[3] - middle) / half))
 
 

@@ -106,7 +106,7 @@ def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratc
         planner_on_learned(state, memory, now, p, v, q, x, estimate, future, STEP, params, net, scratch, command)
     else:
         planner_on_estimate(state, now, p, v, q, x, estimate, future, STEP, params, command)
-    action_from_command(command, out)
+    action_from_command(command, shared.limits, out)
 
 
 @njit(parallel=True)

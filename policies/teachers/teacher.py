@@ -45,7 +45,7 @@ def teach_row(rows, i, shared, plan, future, expert, planner, work, sighted, out
         if due:
             predict_future(board, CTRV_ACCELERATION, shared.belief[ACCEL_TAU], STEP, future)
     expert_step(rows, i, plan, board, future, STEP, gain, expert, planner, command)
-    action_from_command(command, out)
+    action_from_command(command, shared.limits, out)
     return plan[X_CONTACT] - now if plan[X_READY] > 0.0 else np.inf
 
 

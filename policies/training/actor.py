@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from policies.environment.config import EnvConfig
-from policies.flying.contract import CameraContract, Contract, ObservationContract, Provenance
+from policies.flying.contract import Contract, ObservationContract, Provenance
 from policies.network.actor_critic import Actor, NetworkConfig, normalisation
 from policies.network.export import export
 from policies.training.import_onnx import import_actor
@@ -36,14 +35,12 @@ def load_actor(path: Path) -> tuple[Actor, dict]:
 
 def contract_for(env: EnvConfig, name: str, provenance: Provenance) -> Contract:
     """What a policy trained in `env` promises."""
-    mount = load_airframe(env.airframe).camera
     shift, scale = normalisation()
-    return Contract(
+    return Contract.of(
+        load_airframe(env.airframe),
         name=name,
         stage=env.stage,  # type: ignore[arg-type]
-        airframe=env.airframe,
         observation=ObservationContract(stride=env.stride),
-        camera=CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg)),
         guidance=env.guidance,
         provenance=provenance,
         shift=shift,

@@ -131,13 +131,18 @@ class Airframe(_Section):
     def _strong_enough(self) -> Airframe:
         most = self.motors.thrust_to_weight * GRAVITY
         if self.command.thrust[1] > most:
-            raise ValueError(f"command.thrust reaches {self.command.thrust[1]} m/s^2; the motors give {most:.2f} at most")
+            asked = self.command.thrust[1]
+            raise ValueError(f"command.thrust reaches {asked} m/s^2; the motors give {most:.2f} at most")
         return self
 
     @property
     def hover_thrust(self) -> float:
         """Normalised collective command (0..1) that carries the nominal vehicle; the thrust map is linear."""
         return 1.0 / self.motors.thrust_to_weight
+
+    def limits_row(self) -> np.ndarray:
+        """The (limits_row.DIM,) float64 row of what may be asked, for kernels."""
+        return np.array([*self.command.thrust, self.command.body_rate])
 
     def params_row(self) -> np.ndarray:
         """The (NP,) float64 row that kernels take, indices as named in this module."""

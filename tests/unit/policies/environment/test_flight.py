@@ -56,7 +56,7 @@ def fly_guided(seed):
         trained = policy._policy._session.run(None, {"observation": rows.observation})[0][0]
         command = policy.step(flight.now_ns, flight.odometry(), estimate)
         asked = np.zeros(4)
-        action_from_command(np.array([*command.asked_rate, command.asked_thrust]), asked)
+        action_from_command(np.array([*command.asked_rate, command.asked_thrust]), env.shared.limits, asked)
         assert asked == pytest.approx(trained, abs=1e-5)
         acted.append(command.laws)
         flight.act(command._replace(body_rate=command.asked_rate, thrust=command.asked_thrust))
@@ -86,7 +86,7 @@ def fly_both(seed):
         estimate = estimate._replace(valid=True)  # training acts on the first detection, a flight waits for some
         command = policy.step(flight.now_ns, flight.odometry(), estimate)
         flown = np.zeros(4)
-        action_from_command(np.array([*command.body_rate, command.thrust]), flown)
+        action_from_command(np.array([*command.body_rate, command.thrust]), flight.env.shared.limits, flown)
         assert flown == pytest.approx(trained, abs=1e-5)
         blind += estimate.rho < 0.9
         flight.act(command)

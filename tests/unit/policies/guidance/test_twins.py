@@ -27,6 +27,7 @@ from tests.unit.policies.guidance.situation import situation
 from vehicle.quadrotor.airframe import load_airframe
 
 torch.set_num_threads(1)
+LIMITS = load_airframe("paper_quad").limits_row()
 PARAMS = GuidanceParams.of(load_airframe("paper_quad"), thrust_lag=0.03)  # the lag that the graphs carry
 
 
@@ -45,10 +46,10 @@ def in_torch(board, p, v, q, asked, previous, sigma, gain, drag):
 
 def in_kernel(board, p, v, q, asked, previous, sigma, gain, drag):
     command, before, out = np.zeros(4), np.zeros(4), np.zeros(4)
-    command_from_action(asked, command)
-    command_from_action(previous, before)
+    command_from_action(asked, LIMITS, command)
+    command_from_action(previous, LIMITS, before)
     guide(command, p, v, q, board, sigma, before, gain, drag, PARAMS.row())
-    action_from_command(command, out)
+    action_from_command(command, LIMITS, out)
     return out
 
 

@@ -8,13 +8,14 @@ from policies.flying.contract import Contract, ContractError, Provenance, read_c
 from policies.network.actor_critic import Actor, FlightActor, NetworkConfig, normalisation
 from policies.network.export import MAX_BYTES, compare, export
 from policies.task.observation import OBS_DIM
+from vehicle.quadrotor.airframe import load_airframe
 
 torch.set_num_threads(1)
 SHIFT, SCALE = normalisation()
-CONTRACT = Contract(
+CONTRACT = Contract.of(
+    load_airframe("paper_quad"),
     name="test",
     stage="state",
-    airframe="paper_quad",
     provenance=Provenance(recipe="none", seed=0, samples=0),
     shift=SHIFT,
     scale=SCALE,

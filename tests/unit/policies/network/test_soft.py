@@ -12,13 +12,11 @@ from groundcar.motion.pose import board_normal
 from kernel.rotations import body_z
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.network.soft import SLIDING, WITHIN, softened_action
-from policies.network.touch import BELOW, RADIUS
+from policies.network.touch import BELOW, RADIUS, THRUST_MAX, THRUST_MIN
 from policies.task.observation import (
     NEWEST,
     OBS_DIM,
     TAIL,
-    THRUST_MAX,
-    THRUST_MIN,
     build_observation,
     history_dim,
     push_history,

@@ -8,9 +8,10 @@ from policies.environment.env import Env
 from policies.evaluation.evaluate import point, run_episodes, summarise
 from policies.planner import planner as pl
 from policies.planner.params import PlannerParams
+from policies.planner.policy import planner_params
 from policies.prediction.future import HORIZON, STEP
-from policies.task.observation import RATE_MAX, THRUST_MAX, THRUST_MIN
 from policies.teachers.planner import ANALYTIC, FORESEEN, PlannerInEnv
+from vehicle.quadrotor.airframe import list_airframes, load_airframe
 
 PLANNER = PlannerParams().row()
 CONSTANT, COSINE = (1.0, 0, 0, 0), (0, 0, 1.0, 0)
@@ -76,9 +77,12 @@ def test_phases_come_in_order_and_commands_stay_within_the_limits():
         assert seen[-2:] == [pl.COMMIT, pl.TERMINAL]
 
 
-def test_what_it_may_ask_is_what_the_action_can_say():
-    limits = PlannerParams()
-    assert (limits.rate_max, limits.thrust_min, limits.thrust_max) == (RATE_MAX, THRUST_MIN, THRUST_MAX)
+@pytest.mark.parametrize("name", list_airframes())
+def test_limits_and_contact_disc_are_the_airframe_s(name):
+    airframe = load_airframe(name)
+    params = planner_params(airframe)
+    assert [params.thrust_min, params.thrust_max, params.rate_max] == airframe.limits_row().tolist()
+    assert (params.robot_l, params.robot_r) == (airframe.contact.magnet_below, airframe.contact.footprint_radius)
 
 
 def test_without_a_valid_belief_it_hovers_and_is_not_engaged():

@@ -41,13 +41,14 @@ def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
 
 
 def test_the_vehicle_flies_the_mirror_image_under_mirrored_actions():
-    rng, params = np.random.default_rng(2), load_airframe("paper_quad").params_row()
+    rng, airframe = np.random.default_rng(2), load_airframe("paper_quad")
+    params, limits = airframe.params_row(), airframe.limits_row()
     row, command = d.vehicle_row((0.0, 0.0, 2.0), motor=0.4), np.zeros(4)
     image = row.copy()
     for _ in range(60):
         action = rng.uniform(-0.2, 0.3, 4)
         for each, signs in ((row, np.ones(4)), (image, np.array(ACTION_SIGNS))):
-            command_from_action(signs * action, command)
+            command_from_action(signs * action, limits, command)
             fly(each, command, params, 0.01, 5)
     np.testing.assert_allclose(image[d.P : d.P + 3], VECTOR * row[d.P : d.P + 3], atol=1e-9)
     np.testing.assert_allclose(image[d.V : d.V + 3], VECTOR * row[d.V : d.V + 3], atol=1e-9)

@@ -53,7 +53,7 @@ def test_one_episode_gets_the_flight_s_commands(source, flying):
     flown = 0
     while flown < 150:
         command = pilot.step(*views(env))
-        action_from_command(np.array([*command.body_rate, command.thrust]), wanted)
+        action_from_command(np.array([*command.body_rate, command.thrust]), env.shared.limits, wanted)
         action = planner(env)
         assert action[0] == pytest.approx(wanted, abs=1e-5)
         env.step(action)
