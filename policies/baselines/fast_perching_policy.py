@@ -11,9 +11,10 @@ import numpy as np
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.baselines.fast_perching import FastPerchingParams, PerchPlan, load_search, plan_perch
+from policies.environment import episode_row
 from policies.environment.config import TICK
 from policies.environment.env import Env
-from policies.environment.rows import S_STEP, X_P, X_Q, X_V
+from policies.environment.observe import shown_odometry
 from policies.estimation.thrust_drag import G_GAIN
 from policies.planner import params as pp
 from policies.planner.follow import face
@@ -79,8 +80,8 @@ class FastPerching:
 
     def _row(self, env: Env, i: int) -> None:
         rows = env.rows
-        t, x = rows.state[i, S_STEP] * TICK, rows.scratch[i]
-        p, v, q = x[X_P : X_P + 3], x[X_V : X_V + 3], x[X_Q : X_Q + 4]
+        t = rows.state[i, episode_row.STEP] * TICK
+        p, v, q = shown_odometry(rows.scratch[i])
         made = None if rows.done[i] else self._plans[i]
         if made is None or (t - made[1] > _REPLAN - 0.5 * TICK and made[0].duration - (t - made[1]) > _LAST):
             made = self._plan(made, t, p, v, rows.believed[i])

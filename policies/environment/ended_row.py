@@ -1,4 +1,4 @@
-"""Indices of what is kept of an episode that ended, (DIM,): the contact result (policies/task/contact.py), then these."""
+"""Indices of what is kept of an ended episode, (DIM,): the contact result (policies/task/contact.py), then these."""
 
 from policies.task.contact import RESULT_DIM
 

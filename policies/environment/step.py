@@ -11,42 +11,11 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit, prange
-from policies.environment.config import C_GUIDANCE, C_SUBSTEPS, C_VISION, TICK
+from policies.environment import config_row, ended_row, episode_row, scratch_row
+from policies.environment.config import TICK
 from policies.environment.motion import extend_track
-from policies.environment.observe import observe, own_gain, own_sigma, perceive
+from policies.environment.observe import observe, own_gain, own_sigma, perceive, shown_odometry
 from policies.environment.reset import reset_row
-from policies.environment.rows import (
-    E_ERROR,
-    E_FAMILY,
-    E_INCLINATION,
-    E_LAW,
-    E_RETURN,
-    E_RHO,
-    E_SEEN,
-    E_SPEED,
-    E_STEPS,
-    S_ACTION,
-    S_BEFORE,
-    S_BEGIN,
-    S_COMMAND,
-    S_DELAY,
-    S_ERROR,
-    S_FAMILY,
-    S_FILLED,
-    S_LAW,
-    S_RETURN,
-    S_RHO,
-    S_SEEN,
-    S_SPEED,
-    S_STEP,
-    S_VISIBLE,
-    X_BOARD,
-    X_COMMAND,
-    X_FLOWN,
-    X_P,
-    X_Q,
-    X_V,
-)
 from policies.environment.vision import latency_now
 from policies.estimation.board_ekf import B_T
 from policies.guidance.guide import NOT_FINITE, guide
@@ -61,32 +30,34 @@ from vehicle.quadrotor.dynamics import P, Q, V, W
 @njit
 def _guide(rows, i, shared, command):
     """Guidance on `command` (4,), by what the policy of row i was shown. True if a law changed it."""
-    own = rows.scratch[i]
+    p, v, q = shown_odometry(rows.scratch[i])
     gain, drag = own_gain(rows, i, shared)
-    laws = guide(
-        command, own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4], rows.believed[i],
-        own_sigma(rows, i, shared), rows.state[i, S_COMMAND : S_COMMAND + 4], gain, drag, shared.guidance,
-    )  # fmt: skip
+    sigma, previous = own_sigma(rows, i, shared), rows.state[i, episode_row.COMMAND : episode_row.COMMAND + 4]
+    laws = guide(command, p, v, q, rows.believed[i], sigma, previous, gain, drag, shared.guidance)
     return laws not in (0, NOT_FINITE)
 
 
 @njit
 def _order(rows, i, shared, action):
     """What the vehicle of row i is asked in this step: the commands asked before act until the new one arrives."""
-    state, command, order = rows.state[i], rows.scratch[i, X_COMMAND : X_COMMAND + 4], rows.order[i]
-    flown = rows.scratch[i, X_FLOWN : X_FLOWN + 4]
+    state, command, order = rows.state[i], rows.scratch[i, scratch_row.COMMAND : scratch_row.COMMAND + 4], rows.order[i]
+    flown = rows.scratch[i, scratch_row.FLOWN : scratch_row.FLOWN + 4]
     for k in range(4):
         flown[k] = min(1.0, max(-1.0, action[k]))
     command_from_action(flown, shared.limits, command)
-    if shared.config[C_GUIDANCE] > 0.0 and _guide(rows, i, shared, command):
+    if shared.config[config_row.GUIDANCE] > 0.0 and _guide(rows, i, shared, command):
         action_from_command(command, shared.limits, flown)
-    substeps = int(shared.config[C_SUBSTEPS])
-    whole = int(state[S_DELAY]) // substeps
-    order[SINCE] = int(state[S_DELAY]) % substeps
-    order[NEWER : NEWER + 4] = command if whole == 0 else state[S_COMMAND : S_COMMAND + 4]
-    order[OLDER : OLDER + 4] = state[S_COMMAND : S_COMMAND + 4] if whole == 0 else state[S_BEFORE : S_BEFORE + 4]
-    state[S_BEFORE : S_BEFORE + 4] = state[S_COMMAND : S_COMMAND + 4]
-    state[S_COMMAND : S_COMMAND + 4] = command
+    substeps = int(shared.config[config_row.SUBSTEPS])
+    whole = int(state[episode_row.DELAY]) // substeps
+    order[SINCE] = int(state[episode_row.DELAY]) % substeps
+    order[NEWER : NEWER + 4] = command if whole == 0 else state[episode_row.COMMAND : episode_row.COMMAND + 4]
+    order[OLDER : OLDER + 4] = (
+        state[episode_row.COMMAND : episode_row.COMMAND + 4]
+        if whole == 0
+        else state[episode_row.BEFORE : episode_row.BEFORE + 4]
+    )
+    state[episode_row.BEFORE : episode_row.BEFORE + 4] = state[episode_row.COMMAND : episode_row.COMMAND + 4]
+    state[episode_row.COMMAND : episode_row.COMMAND + 4] = command
 
 
 @njit
@@ -99,34 +70,36 @@ def _active(rows, i, shared, board, now):
     dx, dy, dz = board[0] - cx, board[1] - cy, board[2] - cz
     cosine = (dx * ax + dy * ay + dz * az) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-6)
 
-    active_perception(state[S_ERROR], cosine, now - rows.belief[i, B_T], shared.weights, rows.terms[i])
+    active_perception(state[episode_row.ERROR], cosine, now - rows.belief[i, B_T], shared.weights, rows.terms[i])
 
 
 @njit
 def _follow(rows, i, shared):
     """All of a control step that comes after the physics; a row that ends begins anew."""
     c, state, vehicle, x = shared.config, rows.state[i], rows.vehicle[i], rows.scratch[i]
-    state[S_STEP] += 1.0
-    step = int(state[S_STEP])
-    state[S_FILLED] = extend_track(rows.motion[i], rows.track[i], int(state[S_FILLED]), step, rows.rng[i])
-    board = x[X_BOARD : X_BOARD + 8]
+    state[episode_row.STEP] += 1.0
+    step = int(state[episode_row.STEP])
+    state[episode_row.FILLED] = extend_track(
+        rows.motion[i], rows.track[i], int(state[episode_row.FILLED]), step, rows.rng[i]
+    )
+    board = x[scratch_row.BOARD : scratch_row.BOARD + 8]
     board[:] = rows.track[i, step]
-    elapsed = (state[S_STEP] - state[S_BEGIN]) * TICK
+    elapsed = (state[episode_row.STEP] - state[episode_row.BEGIN]) * TICK
     p, v, q, w = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4], vehicle[W : W + 3]
     outcome = evaluate(p, v, q, w, board, elapsed, shared.rules, rows.result[i])
     rho = perceive(rows, i, shared, board, latency_now(rows, i))
     terms, weights = rows.terms[i], shared.weights
-    flown = x[X_FLOWN : X_FLOWN + 4]
-    shaping(p, v, q, w, board, flown, state[S_ACTION : S_ACTION + 4], weights, terms)
-    if c[C_VISION] > 0.0:
-        _active(rows, i, shared, board, state[S_STEP] * TICK)
+    flown = x[scratch_row.FLOWN : scratch_row.FLOWN + 4]
+    shaping(p, v, q, w, board, flown, state[episode_row.ACTION : episode_row.ACTION + 4], weights, terms)
+    if c[config_row.VISION] > 0.0:
+        _active(rows, i, shared, board, state[episode_row.STEP] * TICK)
     terminal(rows.result[i], shared.rules, weights, terms)
     reward = total(terms)
     rows.reward[i] = reward
-    state[S_ACTION : S_ACTION + 4] = flown
-    state[S_RETURN] += reward
-    state[S_SEEN] += state[S_VISIBLE]
-    state[S_RHO] += rho
+    state[episode_row.ACTION : episode_row.ACTION + 4] = flown
+    state[episode_row.RETURN] += reward
+    state[episode_row.SEEN] += state[episode_row.VISIBLE]
+    state[episode_row.RHO] += rho
     if outcome == ONGOING:
         rows.done[i] = 0
         observe(rows, i, shared, rho)
@@ -140,17 +113,29 @@ def _follow(rows, i, shared):
 def _close(rows, i, board):
     """Keep what is to be known of the episode that ends."""
     state, ended = rows.state[i], rows.ended[i]
-    steps = state[S_STEP] - state[S_BEGIN]
+    steps = state[episode_row.STEP] - state[episode_row.BEGIN]
     ended[:RESULT_DIM] = rows.result[i]
-    ended[E_STEPS], ended[E_SEEN], ended[E_RHO] = steps, state[S_SEEN] / steps, state[S_RHO] / steps
-    ended[E_RETURN], ended[E_SPEED], ended[E_INCLINATION] = state[S_RETURN], state[S_SPEED], board[6]
-    ended[E_FAMILY], ended[E_LAW], ended[E_ERROR] = state[S_FAMILY], state[S_LAW], state[S_ERROR]
+    ended[ended_row.STEPS], ended[ended_row.SEEN], ended[ended_row.RHO] = (
+        steps,
+        state[episode_row.SEEN] / steps,
+        state[episode_row.RHO] / steps,
+    )
+    ended[ended_row.RETURN], ended[ended_row.SPEED], ended[ended_row.INCLINATION] = (
+        state[episode_row.RETURN],
+        state[episode_row.SPEED],
+        board[6],
+    )
+    ended[ended_row.FAMILY], ended[ended_row.LAW], ended[ended_row.ERROR] = (
+        state[episode_row.FAMILY],
+        state[episode_row.LAW],
+        state[episode_row.ERROR],
+    )
 
 
 @njit(parallel=True)
 def step_rows(rows, shared, actions):
     """Advance every row by one control step under `actions` ((N, 4)), clipped to [-1, 1]."""
-    count, substeps = rows.done.shape[0], int(shared.config[C_SUBSTEPS])
+    count, substeps = rows.done.shape[0], int(shared.config[config_row.SUBSTEPS])
     for block in prange((count + LANES - 1) // LANES):
         first = block * LANES
         last = min(first + LANES, count)

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from policies.environment import ended_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import E_RHO, E_SEEN, E_STEPS
 from policies.task.contact import (
     ATTACHED,
     NORMAL_ERROR,
@@ -135,7 +135,7 @@ def summarise(name: str, ended: np.ndarray) -> Row:
         hits=hits,
         success=100.0 * hits / trials,
         attached=100.0 * float(ended[:, ATTACHED].mean()),
-        duration=float(shown[:, E_STEPS].mean()) * TICK,
+        duration=float(shown[:, ended_row.STEPS].mean()) * TICK,
         position_error=float(shown[:, PLANAR].mean()),
         normal_error=float(shown[:, NORMAL_ERROR].mean()),
         tangential_speed=float(shown[:, TANGENTIAL_SPEED].mean()),
@@ -143,8 +143,8 @@ def summarise(name: str, ended: np.ndarray) -> Row:
         normal_speed_5=float(np.percentile(into, 5)),
         normal_speed_95=float(np.percentile(into, 95)),
         in_band=100.0 * float(((into >= IMPACT_BAND[0]) & (into <= IMPACT_BAND[1])).mean()),
-        seen=100.0 * float(ended[:, E_SEEN].mean()),
-        rho=float(ended[:, E_RHO].mean()),
+        seen=100.0 * float(ended[:, ended_row.SEEN].mean()),
+        rho=float(ended[:, ended_row.RHO].mean()),
         causes=causes,
     )
 

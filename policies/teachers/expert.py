@@ -12,8 +12,8 @@ import math
 
 from kernel.jit import njit
 from kernel.rotations import body_z
+from policies.environment import episode_row
 from policies.environment.config import TICK
-from policies.environment.rows import S_STEP
 from policies.planner import polynomial as poly
 from policies.planner.follow import face
 from policies.planner.tracking import track_force
@@ -239,7 +239,7 @@ def expert_step(rows, i, row, board, future, step, gain, e, planner, out):
     PlannerParams for the inner loop's gains.
     """
     vehicle, params, state = rows.vehicle[i], rows.params[i], rows.state[i]
-    t = state[S_STEP] * TICK
+    t = state[episode_row.STEP] * TICK
     drag = params[DRAG] / params[MASS]
     left = row[X_CONTACT] - t
     frozen = row[X_READY] > 0.0 and -e[E_OVERDUE] < left < e[E_FREEZE]

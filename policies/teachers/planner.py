@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from kernel.jit import njit, prange
-from policies.environment.config import C_VISION, TICK
+from policies.environment import config_row, episode_row
+from policies.environment.config import TICK
 from policies.environment.env import Env, fill_future
-from policies.environment.rows import S_COMMAND, S_STEP, X_P, X_Q, X_V
+from policies.environment.observe import shown_odometry
 from policies.estimation.ctrv import N
 from policies.estimation.thrust_drag import GAIN_DIM
 from policies.planner.learned_planner import MEMORY_DIM, planner_on_learned
@@ -68,14 +69,14 @@ _WORK_DIM = _COMMAND + 4
 @njit
 def _board_now(rows, i, shared, now, foreseen, x, covariance, estimate):
     """What is known of the board: state and acceleration into `x` (8,), how well into `estimate`."""
-    if shared.config[C_VISION] > 0.0:
+    if shared.config[config_row.VISION] > 0.0:
         estimate_from_belief(rows.belief[i], now, shared.belief, x, covariance, estimate)
         if not foreseen:
             return
         estimate[E_VALID], estimate[E_SURPRISE] = 1.0, 0.0
     else:
         certain(estimate)
-    step = int(rows.state[i, S_STEP])
+    step = int(rows.state[i, episode_row.STEP])
     x[:] = rows.track[i, step]
     lag = min(_LAG, step)
     x[7] = (rows.track[i, step, 4] - rows.track[i, step - lag, 4]) / (lag * TICK) if lag > 0 else 0.0
@@ -88,16 +89,18 @@ def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratc
     `state` (PLANNER_DIM,), `memory` (predictor_planner.MEMORY_DIM,) are the row's planner; `work`, `future`
     ((HORIZON, 8)), `scratch` are scratch. `source`: where the future comes from.
     """
-    now = rows.state[i, S_STEP] * TICK
+    now = rows.state[i, episode_row.STEP] * TICK
     if fresh:
         planner_reset(state, now, params)
         memory[:] = 0.0
         state[S_GAIN : S_GAIN + GAIN_DIM] = rows.gain[i]  # the hover before the episode has shown it
-    state[S_ASKED : S_ASKED + 4] = rows.state[i, S_COMMAND : S_COMMAND + 4]  # what was flown shows what thrust gives
+    state[S_ASKED : S_ASKED + 4] = rows.state[
+        i, episode_row.COMMAND : episode_row.COMMAND + 4
+    ]  # what was flown shows what thrust gives
     x, estimate = work[_BOARD : _BOARD + 8], work[_ESTIMATE : _ESTIMATE + ESTIMATE_DIM]
-    command, own = work[_COMMAND : _COMMAND + 4], rows.scratch[i]
+    command = work[_COMMAND : _COMMAND + 4]
     _board_now(rows, i, shared, now, source == FORESEEN, x, work[_COVARIANCE:_ESTIMATE], estimate)
-    p, v, q = own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4]
+    p, v, q = shown_odometry(rows.scratch[i])
     if source == FORESEEN:
         if planner_due(state, now):
             fill_future(rows, i, _TICKS, future)
@@ -187,6 +190,6 @@ class PlannerTeacher:
         states = self._planner.states
         actions = self._planner(self._env)
         bound = np.isin(states[:, S_PHASE], (COMMIT, TERMINAL))
-        left = states[:, S_CONTACT] - self._env.rows.state[:, S_STEP] * TICK
+        left = states[:, S_CONTACT] - self._env.rows.state[:, episode_row.STEP] * TICK
         self.remaining[:] = np.where(bound, left, np.inf)
         return actions

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from kernel.jit import njit, prange
+from policies.environment import episode_row
 from policies.environment.config import TICK
 from policies.environment.env import Env, fill_future
 from policies.environment.observe import true_gain
-from policies.environment.rows import S_STEP
 from policies.estimation.board_ekf import belief_covariance
 from policies.estimation.ctrv import ACCEL_TAU, N
 from policies.estimation.thrust_drag import G_GAIN
@@ -29,13 +29,13 @@ def teach_row(rows, i, shared, plan, future, expert, planner, work, sighted, out
     `sighted` False: it plans on the belief and on the estimated thrust gain, as something that flies would have to.
     `work` (_WORK,) is scratch.
     """
-    now = rows.state[i, S_STEP] * TICK
+    now = rows.state[i, episode_row.STEP] * TICK
     if rows.done[i] == 1:
         plan[:] = 0.0
     command, board = work[0:4], work[4:12]
     due = expert_due(plan, now)
     if sighted:
-        board[:] = rows.track[i, int(rows.state[i, S_STEP])]
+        board[:] = rows.track[i, int(rows.state[i, episode_row.STEP])]
         gain = true_gain(rows, i, shared)
         if due:
             fill_future(rows, i, _TICKS, future)

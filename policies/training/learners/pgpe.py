@@ -18,9 +18,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from policies.environment import ended_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import E_STEPS, Rows
+from policies.environment.rows import Rows
 from policies.evaluation.evaluate import IMPACT_BAND
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.task.contact import (
@@ -92,7 +93,7 @@ def score(ended: np.ndarray, rules: ContactRules, config: PgpeConfig) -> np.ndar
         margin = np.clip((1.0 - ended[:, column] / limit) / config.soft, -40.0, 40.0)
         share /= 1.0 + np.exp(-margin)
     hard = np.maximum(0.0, -ended[:, NORMAL_SPEED] - IMPACT_BAND[1])
-    return share * np.maximum(0.0, 1.0 - config.hard * hard - config.late * TICK * ended[:, E_STEPS])
+    return share * np.maximum(0.0, 1.0 - config.hard * hard - config.late * TICK * ended[:, ended_row.STEPS])
 
 
 class Pgpe:

@@ -12,8 +12,9 @@ import numpy as np
 
 from groundcar.motion.board_motion import TURN_RATE
 from kernel.random import stream
+from policies.environment import episode_row
 from policies.environment.env import Env, advance
-from policies.environment.rows import S_STEP, Rows, Shared
+from policies.environment.rows import Rows, Shared
 from vehicle.quadrotor.dynamics import P
 
 Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -40,7 +41,7 @@ def fly_near(env: Env, act: Act, near: float) -> tuple[Rows, int]:
     arrived = np.zeros(env.config.count, dtype=bool)
 
     def look(rows: Rows, which: np.ndarray, flying: np.ndarray) -> None:
-        board = rows.track[np.arange(len(which)), rows.state[:, S_STEP].astype(np.int64), :3]
+        board = rows.track[np.arange(len(which)), rows.state[:, episode_row.STEP].astype(np.int64), :3]
         reached = flying & (np.linalg.norm(board - rows.vehicle[:, P : P + 3], axis=1) < near)
         for mine, theirs in zip(kept, rows, strict=True):
             mine[which[reached]] = theirs[reached]
@@ -56,7 +57,7 @@ def rather_turning(rows: Rows, turning: float, rng: np.random.Generator) -> Rows
 
     One in eight or so of those straight ahead is kept; all are if that would leave none.
     """
-    here = np.arange(len(rows.done)), rows.state[:, S_STEP].astype(np.int64)
+    here = np.arange(len(rows.done)), rows.state[:, episode_row.STEP].astype(np.int64)
     share = (np.abs(rows.track[here][:, TURN_RATE]) - STRAIGHT) / (turning - STRAIGHT)
     kept = rng.random(len(rows.done)) < np.clip(share, _LEAST, 1.0)
     return copy_rows(rows, kept) if kept.any() else rows

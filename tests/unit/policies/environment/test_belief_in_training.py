@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from policies.environment import episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import S_STEP
 from policies.estimation.board_ekf import B_ACCEPTED, B_NIS, B_STREAK, B_T, belief_covariance
 from policies.estimation.ctrv import N
 from policies.teachers.teacher import Teacher
@@ -24,7 +24,7 @@ def consistency(scale):
         fresh = (belief[:, B_ACCEPTED] == before + 1) & (belief[:, B_STREAK] > 8)
         nis.extend(belief[fresh, B_NIS])
         for i in range(k % 4, 128, 4):
-            step = int(env.rows.state[i, S_STEP])
+            step = int(env.rows.state[i, episode_row.STEP])
             if belief[i, B_STREAK] > 8:
                 belief_covariance(belief[i], step * TICK, env.shared.belief, x, p)
                 error, cov = x - env.rows.track[i, step], p.reshape(N, N)

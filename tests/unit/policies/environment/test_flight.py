@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from policies.environment import episode_row
 from policies.environment.config import EnvConfig
 from policies.environment.flight import EnvFlight
-from policies.environment.rows import S_ACTION, S_COMMAND
 from policies.estimation.board_filter import BoardFilter
 from policies.flying.guided import GuidedPolicy
 from policies.flying.onnx_policy import OnnxPolicy
@@ -62,8 +62,10 @@ def fly_guided(seed):
         flight.act(command._replace(body_rate=command.asked_rate, thrust=command.asked_thrust))
         if not flight.done:
             flown = [*command.body_rate, command.thrust]
-            assert rows.state[0, S_COMMAND : S_COMMAND + 4] == pytest.approx(flown, abs=1e-5)
-            assert rows.observation[0, -7:-3] == pytest.approx(rows.state[0, S_ACTION : S_ACTION + 4], abs=1e-6)
+            assert rows.state[0, episode_row.COMMAND : episode_row.COMMAND + 4] == pytest.approx(flown, abs=1e-5)
+            assert rows.observation[0, -7:-3] == pytest.approx(
+                rows.state[0, episode_row.ACTION : episode_row.ACTION + 4], abs=1e-6
+            )
     assert len(acted) > 80
     return acted
 

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from policies.environment import ended_row
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import E_STEPS, ENDED_DIM
 from policies.evaluation.evaluate import POINTS, as_data, evaluate, evaluation_seed, run_episodes, summarise
 from policies.task.contact import OUTCOME, RESULT_DIM, SUCCESS
 from vehicle.camera.noise import measured_noise
@@ -21,23 +21,23 @@ def test_every_row_counts_its_first_episodes():
         return np.tile([0.0, 0.0, 0.0, -1.0], (24, 1))
 
     ended = run_episodes(fall, config, each=2)
-    assert ended.shape == (48, ENDED_DIM)
-    assert (ended[:, E_STEPS] <= 30).all()
+    assert ended.shape == (48, ended_row.DIM)
+    assert (ended[:, ended_row.STEPS] <= 30).all()
 
 
 def test_summary():
-    ended = np.zeros((4, ENDED_DIM))
+    ended = np.zeros((4, ended_row.DIM))
     ended[:3, OUTCOME], ended[3, OUTCOME], ended[3, 1] = SUCCESS, 1, 3
-    ended[:, 9], ended[:, E_STEPS] = [-0.5, -0.6, -0.9, -3.0], 200
+    ended[:, 9], ended[:, ended_row.STEPS] = [-0.5, -0.6, -0.9, -3.0], 200
     row = summarise("T1", ended)
     assert (row.episodes, row.success) == (4, 75.0)
     assert row.normal_speed == pytest.approx(2.0 / 3.0) and row.in_band == pytest.approx(200.0 / 3.0)
     assert row.duration == pytest.approx(2.0) and row.causes == {"time": 1}
     assert row.hits == 3
     assert json.loads(json.dumps(as_data([row])))[0]["name"] == "T1"
-    none = summarise("x", np.ones((3, ENDED_DIM)))
+    none = summarise("x", np.ones((3, ended_row.DIM)))
     assert none.success == 0.0 and math.isnan(none.duration)
-    assert RESULT_DIM < ENDED_DIM
+    assert RESULT_DIM < ended_row.DIM
 
 
 def test_points_are_the_paper_s():

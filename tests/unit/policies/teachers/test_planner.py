@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from policies.environment import episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import S_STEP, X_P, X_Q, X_V
+from policies.environment.observe import shown_odometry
 from policies.estimation.board_ekf import B_STREAK, B_T, belief_covariance, belief_valid, surface_sigma
 from policies.estimation.ctrv import N
 from policies.estimation.thrust_drag import G_GAIN, GAIN_DIM, gain_reset
@@ -25,13 +26,13 @@ NS = 1e9
 def views(env):
     """What a flight would tell its policy about row 0 now."""
     rows = env.rows
-    now = rows.state[0, S_STEP] * TICK
-    x, p, own = np.zeros(8), np.zeros(N * N), rows.scratch[0]
+    now = rows.state[0, episode_row.STEP] * TICK
+    x, p = np.zeros(8), np.zeros(N * N)
+    position, velocity, orientation = (tuple(view) for view in shown_odometry(rows.scratch[0]))
     belief_covariance(rows.belief[0], now, env.shared.belief, x, p)
     now_ns = round(now * NS)
     vehicle = SimpleNamespace(
-        stamp_ns=now_ns, position=tuple(own[X_P : X_P + 3]), velocity=tuple(own[X_V : X_V + 3]),
-        orientation=tuple(own[X_Q : X_Q + 4]), body_rate=(0.0, 0.0, 0.0),
+        stamp_ns=now_ns, position=position, velocity=velocity, orientation=orientation, body_rate=(0.0, 0.0, 0.0),
     )  # fmt: skip
     board = SimpleNamespace(
         valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]), heading=x[3],

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from policies.environment import ended_row
 from policies.environment.config import EnvConfig
-from policies.environment.rows import E_STEPS, ENDED_DIM
 from policies.flying.shipped import policy_file
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.network.regimes import REGIMES
@@ -30,8 +30,8 @@ def shipped_actor() -> Actor:
 
 def test_score_by_hand():
     rules, config = ContactRules(), PgpeConfig()
-    ended = np.zeros((4, ENDED_DIM))
-    ended[:3, TOUCHED], ended[:, E_STEPS] = 1.0, 200
+    ended = np.zeros((4, ended_row.DIM))
+    ended[:3, TOUCHED], ended[:, ended_row.STEPS] = 1.0, 200
     ended[0, [PLANAR, TANGENTIAL_SPEED, NORMAL_ERROR, NORMAL_SPEED]] = 0.0, 0.0, 0.0, -0.5
     ended[1, [PLANAR, TANGENTIAL_SPEED, NORMAL_ERROR, NORMAL_SPEED]] = 0.2, 0.0, 0.0, -0.5
     ended[2, [PLANAR, TANGENTIAL_SPEED, NORMAL_ERROR, NORMAL_SPEED]] = 0.0, 0.6, 0.0, -1.65

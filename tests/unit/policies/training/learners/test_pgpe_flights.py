@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from groundcar.motion.board_motion import TURN_RATE
+from policies.environment import ended_row, episode_row
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import E_STEPS, S_STEP
 from policies.flying.shipped import policy_file
 from policies.task.observation import NEWEST
 from policies.training.actor import load_actor
@@ -40,7 +40,7 @@ def test_flights_from_one_moment():
     env = Env(replace(ENV, stage="vision"))
     start, steps = fly_near(env, act_of(load_actor(path)[0]), 1.0)
     assert 0 < len(start.done) <= ENV.count and steps > 0
-    step = start.state[:, S_STEP].astype(int)
+    step = start.state[:, episode_row.STEP].astype(int)
     away = np.linalg.norm(start.track[np.arange(len(step)), step, :3] - start.vehicle[:, P : P + 3], axis=1)
     assert (away < 1.0).all() and away.max() > 0.9
     before = [array.copy() for array in start]
@@ -49,7 +49,7 @@ def test_flights_from_one_moment():
     first, second, other = thrice.reshape(3, len(start.done), -1)
     assert np.array_equal(ended, first) and np.array_equal(first, second)
     assert not np.array_equal(first, other)
-    assert (ended[:, E_STEPS] > 0).all()
+    assert (ended[:, ended_row.STEPS] > 0).all()
     assert all(np.array_equal(a, b) for a, b in zip(before, start, strict=True))
 
 
