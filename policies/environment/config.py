@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -39,7 +40,7 @@ class EnvConfig:
     engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
     `guidance`: the laws of `policies/guidance/guide.py` act on every action before it is delayed and flown, by the
     belief and the odometry that the policy was shown. The guided action is the one that the next observation and the
-    reward are told of.
+    reward are told of. `guidance_changes` of GuidanceParams' defaults.
     `augmentation` False and `rho` False are the paper's ablations (raw poses and their differences; rho fixed to 1).
     """
 
@@ -88,6 +89,7 @@ class EnvConfig:
     warm_time: Pair = (0.15, 1.0)
     gain_slot: bool = True
     guidance: bool = False
+    guidance_changes: Mapping[str, float] = field(default_factory=dict)
     rules: ContactRules = field(default_factory=ContactRules)
     weights: RewardWeights = field(default_factory=RewardWeights)
 

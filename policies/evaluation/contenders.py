@@ -4,7 +4,8 @@ paper's model-based baseline."""
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from policies.environment.env import Env
 from policies.evaluation.evaluate import Policy
 from policies.flying.contract import check_contract, open_policy
 from policies.flying.shipped import SHIPPED, policy_file
+from policies.planner.policy import GUIDANCE
 from policies.teachers.planner import ANALYTIC, LEARNED, PlannerInEnv
 from policies.teachers.teacher import Teacher
 
@@ -55,6 +57,7 @@ class Contender:
     stride: int = EnvConfig.stride
     airframe: str = EnvConfig.airframe
     guidance: bool = False  # made to be flown with guidance outside
+    guidance_changes: Mapping[str, float] = field(default_factory=dict)
 
     def config(self, stage: str | None, seed: int, **changes: object) -> EnvConfig:
         """The environment to judge it in; `stage` None: its own. Odometry is perfect in the state stage.
@@ -63,8 +66,9 @@ class Contender:
         """
         stage = stage or self.stage
         settings = {"odometry_noise": 0.0 if stage == "state" else 1.0, "noise_scale": (1.0, 1.0), **changes}
-        made_for = {"stride": self.stride, "airframe": self.airframe, "guidance": self.guidance}
-        return EnvConfig(stage=stage, seed=seed, **{**made_for, **settings})  # type: ignore[arg-type]
+        made_for = {"stride": self.stride, "airframe": self.airframe}
+        guided = {"guidance": self.guidance, "guidance_changes": self.guidance_changes}
+        return EnvConfig(stage=stage, seed=seed, **{**made_for, **guided, **settings})  # type: ignore[arg-type]
 
 
 def open_contender(name: str) -> Contender:
@@ -80,7 +84,8 @@ def open_contender(name: str) -> Contender:
         return Contender(name, Expert(), "vision")
     file = policy_file(name)
     if file is None and name in NAMES:
-        return Contender(name, PlannerInEnv(LEARNED if name == "planner" else ANALYTIC), "vision", guidance=True)
+        planner = PlannerInEnv(LEARNED if name == "planner" else ANALYTIC)
+        return Contender(name, planner, "vision", guidance=True, guidance_changes=GUIDANCE)
     if file is None or file.suffix != ".onnx":
         near = difflib.get_close_matches(name, NAMES, 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""

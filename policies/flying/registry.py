@@ -7,8 +7,9 @@ from collections.abc import Callable
 from policies.flying.guided import GuidedPolicy
 from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.shipped import SHIPPED, policy_file
+from policies.guidance.params import GuidanceParams
 from policies.planner.learned_policy import LearnedPlannerPolicy
-from policies.planner.policy import PlannerPolicy
+from policies.planner.policy import GUIDANCE, PlannerPolicy
 from policies.task.interface import FlyingPolicy
 from vehicle.quadrotor.airframe import Airframe
 
@@ -21,13 +22,13 @@ def policy_factory(name: str, airframe: Airframe, guidance: bool = True) -> Call
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
     """
 
-    def guided(policy: FlyingPolicy) -> FlyingPolicy:
-        return GuidedPolicy(policy, airframe) if guidance else policy
+    def guided(policy: FlyingPolicy, **changes: float) -> FlyingPolicy:
+        return GuidedPolicy(policy, airframe, GuidanceParams.of(airframe, **changes)) if guidance else policy
 
     if name == "planner":
-        return lambda: guided(LearnedPlannerPolicy(airframe))
+        return lambda: guided(LearnedPlannerPolicy(airframe), **GUIDANCE)
     if name == "planner-analytic":
-        return lambda: guided(PlannerPolicy(airframe))
+        return lambda: guided(PlannerPolicy(airframe), **GUIDANCE)
     file = policy_file(name)
     if file is None or file.suffix != ".onnx":
         known = ", ".join((*SHIPPED, "planner", "planner-analytic"))
