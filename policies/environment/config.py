@@ -36,8 +36,8 @@ class EnvConfig:
     `oscillating`: share of all episodes that are over steep boards with an oscillating speed as in Hard-I, whatever the
     other ranges say; `hard_examples`: share of the others over boards that are hard by their speed (hard-example
     sampling), flat at 2.4 to 3.2 m/s or steep at 1.2 to 2.5 m/s.
-    `warm`: share of episodes in which the drone first hovers and watches for `warm_time` (as the harness does before it
-    engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
+    `warm`: share of episodes in which the vehicle first hovers and watches for `warm_time` (as the harness does before
+    it engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
     `guidance`: the laws of `policies/guidance/guide.py` act on every action before it is delayed and flown, by the
     belief and the odometry that the policy was shown. The guided action is the one that the next observation and the
     reward are told of. `guidance_changes` of GuidanceParams' defaults.

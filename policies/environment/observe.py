@@ -11,6 +11,7 @@ from policies.environment.motion import extend_track
 from policies.environment.rows import FUTURE
 from policies.environment.vision import see
 from policies.estimation.board_ekf import surface_sigma
+from policies.estimation.own_state import WAIT
 from policies.estimation.thrust_drag import G_DRAG, G_GAIN, gain_update
 from policies.task.observation import (
     ENTRY_DIM,
@@ -49,7 +50,7 @@ def perceive(rows, i, shared, board, latency):
 
 @njit
 def odometry(rows, i):
-    """What the drone knows of itself, into the scratch row: position, velocity, orientation with odometry noise."""
+    """What the vehicle knows of itself, into the scratch row: position, velocity, orientation with odometry noise."""
     vehicle, rng, x = rows.vehicle[i], rows.rng[i], rows.scratch[i]
     scale = rows.state[i, episode_row.ODOMETRY]
     x[scratch_row.P : scratch_row.P + 3] = vehicle[P : P + 3]
@@ -94,7 +95,7 @@ def observe(rows, i, shared, rho):
     p, v, q = shown_odometry(x)
     if c[config_row.GAIN_SLOT] > 0.0:
         zx, zy, zz = body_z(q)
-        lag, asked, expected = shared.nominal[MOTOR_LAG] + 0.01, state[episode_row.COMMAND + 3], shared.nominal[DRAG]
+        lag, asked, expected = shared.nominal[MOTOR_LAG] + WAIT, state[episode_row.COMMAND + 3], shared.nominal[DRAG]
         expected /= shared.nominal[MASS]
         gain_update(rows.gain[i], v[0], v[1], v[2], zx, zy, zz, asked, TICK, lag, expected, GRAVITY)
     gain, drag = own_gain(rows, i, shared)

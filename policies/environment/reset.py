@@ -57,7 +57,7 @@ def _draw_vehicle(rows, i, shared):
 
 @njit
 def _place(rows, i, shared, board, calm):
-    """Put the drone behind and above `board` (paper's table "Initialization parameters"); `calm`: hovering level."""
+    """Put the vehicle behind and above `board` (paper's table "Initialization parameters"); `calm`: hovering level."""
     c, rng, vehicle = shared.config, rows.rng[i], rows.vehicle[i]
     for k in range(ND):
         vehicle[k] = 0.0

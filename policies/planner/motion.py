@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from kernel.jit import njit
 from kernel.rotations import body_z
+from policies.estimation.own_state import WAIT
 from policies.planner import params as pp
 from policies.planner import polynomial as poly
 from policies.planner.contact_thrust import touch_thrust
 from policies.planner.follow import face
 from policies.planner.tracking import track_force
 
-WAIT = 0.01  # s from a command to the motors hearing it
 _C = poly.COEFFICIENTS
 
 

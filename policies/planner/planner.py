@@ -12,11 +12,12 @@ from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.estimation.board_ekf import B_STREAK, B_T, belief_covariance, belief_valid, surface_sigma
 from policies.estimation.ctrv import N
+from policies.estimation.own_state import WAIT
 from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
 from policies.planner import params as pp
 from policies.planner.follow import climb_away, follow, hold
 from policies.planner.glide import glide
-from policies.planner.motion import WAIT, fly_motion
+from policies.planner.motion import fly_motion
 from policies.planner.runup import flare_gate, fly_runup, met_slow, runs_up, runup_time
 from policies.planner.search import MOTION_DIM, search
 from policies.prediction.future import carry_swing, predict_swing

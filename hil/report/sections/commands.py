@@ -59,7 +59,7 @@ def build(recorded: Recorded) -> Section:
     if recorded.decided_ns and asked is not None and (asked.nanoseconds() > recorded.decided_ns).any():
         section.html(
             Markup(
-                '<p class="small">The policy goes on after the verdict; nobody listens then, so it is not drawn.</p>'
+                '<p class="small">The policy goes on after the verdict; its commands are not sent any more.</p>'
             )
         )
     if sent is not None:

@@ -240,7 +240,7 @@ def test_future_is_what_happens():
     for _ in range(30):
         env.step(np.tile(HOVER, (16, 1)))
         if env.rows.done[3]:
-            pytest.skip("the drone fell before the future came")
+            pytest.skip("the vehicle fell before the future came")
     assert env.rows.track[3, 30] == pytest.approx(future[6])
 
 

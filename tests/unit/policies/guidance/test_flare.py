@@ -24,7 +24,7 @@ def flared(board, p, v, q, out, before=(0.0, 0.0), gain=1.0):
 
 
 def fly(law, rate=-2.0, gain=0.8):
-    """A weak drone with all its thrust on, 0.75 m before a steep board, turning as gently as networks did: the angle
+    """A weak vehicle with all its thrust on, 0.75 m before a steep board, turning as gently as networks did: the angle
     between body z and normal at contact, rad."""
     board, p, v, q = situation(STEEP, 1.05, 0.0, 0.2, closing=3.2, speed=0.0, heading=0.0)
     n = np.array(board_normal(board))
@@ -42,7 +42,7 @@ def fly(law, rate=-2.0, gain=0.8):
         q = np.array(integrate(q, *rates, dt))
         v = v + dt * (gain * THRUST_MAX * z - np.array([0.0, 0.0, GRAVITY]))
         p = p + dt * v
-    raise AssertionError("it never touched")
+    raise AssertionError("it never met the board")
 
 
 def test_late_turn_ends_within_tolerance():

@@ -1,8 +1,8 @@
 """Many vehicles side by side fly as each would alone, bit for bit."""
 
+import platform
 import re
 
-import platform
 import numba
 import numpy as np
 import pytest
