@@ -58,9 +58,7 @@ def build(recorded: Recorded) -> Section:
     section.plot(plot)
     if recorded.decided_ns and asked is not None and (asked.nanoseconds() > recorded.decided_ns).any():
         section.html(
-            Markup(
-                '<p class="small">The policy goes on after the verdict; its commands are not sent any more.</p>'
-            )
+            Markup('<p class="small">The policy goes on after the verdict; its commands are not sent any more.</p>')
         )
     if sent is not None:
         _counts(section, recorded, asked, sent)
