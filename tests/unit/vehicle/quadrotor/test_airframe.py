@@ -5,6 +5,8 @@ import pytest
 
 from kernel.random import stream
 from vehicle.quadrotor import airframe as af
+from vehicle.quadrotor import dynamics as d
+from vehicle.quadrotor.rate_control import fly, settle_filters
 
 GOOD = """
 title = "t"
@@ -106,3 +108,17 @@ def test_unknown_names_suggest_the_nearest():
         af.load_airframe("paper_qaud")
     with pytest.raises(ValueError, match=r"nowhere\.toml: cannot be read"):
         af.load_airframe("nowhere.toml")
+
+
+@pytest.mark.parametrize("name", af.list_airframes())
+@pytest.mark.parametrize("axis", [0, 1])
+def test_rate_lag_is_that_of_the_model(name, axis):
+    frame, dt = af.load_airframe(name), 0.002
+    params, command = frame.params_row(), np.array([0.0, 0.0, 0.0, af.GRAVITY])
+    row = d.vehicle_row((0.0, 0.0, 5.0), motor=frame.hover_thrust)
+    settle_filters(row, params, dt)
+    command[axis], elapsed = 1.0, 0.0
+    while row[d.W + axis] < 1.0 - np.exp(-1.0):
+        fly(row, command, params, dt, 1)
+        elapsed += dt
+    assert elapsed == pytest.approx(frame.command.rate_lag, rel=0.1)
