@@ -29,8 +29,8 @@ def export(actor: Actor, contract: Contract, path: str | Path, observations: np.
 
     `observations` ((N, OBS_DIM) float32) are what they are compared on; without any, random numbers.
 
-    Raises ContractError if a weight is not finite, ONNX and torch disagree by more than TOLERANCE, or the file is over 2 MB;
-    the old file is kept then.
+    Raises ContractError if a weight is not finite, ONNX and torch disagree by more than TOLERANCE, or the file is over
+    2 MB; the old file is kept then.
     """
     path = Path(path)
     if not all(bool(torch.isfinite(value).all()) for value in actor.state_dict().values()):
