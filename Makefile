@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test live soak lint format bench peer train train-long clean
+.PHONY: help run test live soak lint format bench peer train clean
 
 help: ## show these targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -52,22 +52,14 @@ bench: $(VENV)/test ## real-time factors, renderer, detector and kernel speeds o
 	$(BIN)/python -m benchmarks
 
 TRAINED := training_runs
-GO_ON = $(if $(wildcard $(TRAINED)/$(1)/checkpoint*.pt),--resume)
-LEARN = train --stage $(1) --recipe $(2) --out $(TRAINED)/$(3) $(call GO_ON,$(3))
+DEVICE ?= cpu
+LEARN = train --stage $(1) --device $(DEVICE) --out $(TRAINED)/$(1) $(if $(wildcard $(TRAINED)/$(1)/checkpoint.pt),--resume)
 
-train: $(VENV)/test ## from nothing to policies and their tables, an hour of two cores; stopped: again goes on
-	$(BIN)/perch-hil $(call LEARN,state,imitate,state)
-	$(BIN)/perch-hil $(call LEARN,vision,watch,vision) --parent $(TRAINED)/state
+train: $(VENV)/test ## both networks and their tables (DEVICE=cuda: on a GPU); stopped: again goes on
+	$(BIN)/perch-hil $(call LEARN,state)
+	$(BIN)/perch-hil $(call LEARN,vision)
 	$(BIN)/perch-hil evaluate $(TRAINED)/state/policy.onnx
 	$(BIN)/perch-hil evaluate $(TRAINED)/vision/policy.onnx
-
-train-long: $(VENV)/test ## on from there as the policies that fly were trained, some five hours more
-	$(BIN)/perch-hil $(call LEARN,state,flat-boards,flat-boards) --parent $(TRAINED)/state
-	$(BIN)/perch-hil $(call LEARN,vision,watch-long,watch-long) --parent $(TRAINED)/vision
-	$(BIN)/torchrun --nproc-per-node=2 -m hil $(call LEARN,vision,search,search) --parent $(TRAINED)/watch-long
-	$(BIN)/perch-hil $(call LEARN,vision,run-up,run-up) --parent $(TRAINED)/search
-	$(BIN)/perch-hil evaluate $(TRAINED)/flat-boards/policy.onnx
-	$(BIN)/perch-hil evaluate $(TRAINED)/run-up/policy.onnx
 
 clean: ## remove the virtual environment and caches (not the runs)
 	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache

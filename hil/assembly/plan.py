@@ -23,4 +23,6 @@ class Plan:
             self.rig = self.rig.model_copy(update={"camera": source})
         self.policy_name = policy or self.rig.policy.kind
         airframe = load_airframe(self.rig.vehicle.airframe)
-        self.make_policy: Callable[[], FlyingPolicy] = policy_factory(self.policy_name, airframe)
+        self.make_policy: Callable[[], FlyingPolicy] = policy_factory(
+            self.policy_name, airframe, guidance=self.rig.policy.guidance
+        )

@@ -146,6 +146,9 @@ class PolicySlot(_Section):
     contract of `policies/flying/contract.py`."""
 
     kind: str = "vision"
+    guidance: bool = Field(
+        default=True, description="the laws of the last half second act on its commands; a network must want them"
+    )
 
 
 class Rig(_Section):

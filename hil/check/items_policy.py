@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 from hil.bench.devices import Context
 from hil.bench.reading import NotApplicable
 from hil.check.judge import Reading
 from hil.check.registry import check
 from hil.recording.provenance import ProvenanceError, file_sha256
-from policies.flying.contract import CameraContract, ContractError, check_contract, open_policy
+from policies.flying.contract import ContractError, check_contract, open_policy
 from policies.flying.shipped import policy_file
 
 _BUILT_IN = "the policy is built in: it has no file"
@@ -21,11 +19,9 @@ def contract(context: Context) -> Reading:
     file = policy_file(context.policy)
     if file is None:
         raise NotApplicable(_BUILT_IN)
-    mount = context.airframe.camera
-    camera = CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg))
     try:
         found = open_policy(file)[1]
-        check_contract(found, airframe=context.airframe.name, camera=camera)
+        check_contract(found, airframe=context.airframe)
     except ContractError as error:
         return Reading("does not fit", str(error), context.policy, ok=False)
     origin = f"{found.stage}, airframe {found.airframe}, recipe {found.provenance.recipe}"

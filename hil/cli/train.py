@@ -18,7 +18,12 @@ def train(
     ] = "state",
     recipe: Annotated[
         str | None,
-        typer.Option(help="a name in policies/training/recipes or a .toml [default: imitate, watch for vision]"),
+        typer.Option(help="a name in policies/training/recipes or a .toml [default: the stage's]"),
+    ] = None,
+    airframe: Annotated[str, typer.Option(help="the vehicle to train for: a name or a .toml")] = "paper_quad",
+    change: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="change a setting of the recipe: network.width=128, env.rho=false, budget=0.5"),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, max=999_999_999)] = 1,
     out: Annotated[
@@ -34,23 +39,22 @@ def train(
 ) -> None:
     """Train a policy; leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder.
 
-    Ctrl-C saves and says how to go on; a kill loses at most a minute. In several processes, on GPUs or not:
-    `torchrun --nproc-per-node=2 -m hil train ...`.
+    Ctrl-C saves and says how to go on; a kill loses at most a minute.
 
     Exit code: 0 trained, 2 usage or recipe, or a checkpoint, device or parent that does not fit, 3 stopped by numbers
     that are not finite or a disk that is full, 130 interrupted.
     """
     try:
-        from hil.cli.training import RECIPES, Request, train_policy
+        from hil.cli.training import Request, train_policy
     except ModuleNotFoundError as error:
         raise fail(f"training needs {error.name}: pip install -e '.[train]' in the project's folder", USAGE) from None
     from policies.flying.contract import ContractError
     from policies.training.learners.storage import DivergedError, TrainingError
     from policies.training.recipe import RecipeError
 
-    named = recipe or RECIPES[stage]
+    named = recipe or stage
     folder = out or Path("training_runs") / f"{Path(named).stem}-{stage}-{seed}"
-    request = Request(stage, named, seed, folder, resume, parent, device)
+    request = Request(stage, named, airframe, tuple(change or ()), seed, folder, resume, parent, device)
     try:
         code = train_policy(request)
     except (DivergedError, ContractError) as error:

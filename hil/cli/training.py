@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import signal
 import time
@@ -18,9 +17,7 @@ from policies.training.learners.storage import TrainingError
 from policies.training.recipe import Recipe, load_recipe
 from policies.training.run import CURVE, PICTURE, run
 
-RECIPES = {"state": "imitate", "vision": "watch"}
 _LINE_EVERY = 30.0  # s between lines where there is no terminal
-_SAME_WISH = 1.0  # s: torchrun passes a Ctrl-C on to processes that have had it from the terminal
 
 
 @dataclass(frozen=True)
@@ -29,6 +26,8 @@ class Request:
 
     stage: str
     recipe: str
+    airframe: str
+    changes: tuple[str, ...]
     seed: int
     out: Path
     resume: bool
@@ -37,32 +36,27 @@ class Request:
 
     def again(self) -> str:
         """The command that goes on with this run."""
-        world = os.environ.get("WORLD_SIZE", "1")
-        words = ["perch-hil"] if world == "1" else ["torchrun", f"--nproc-per-node={world}", "-m", "hil"]
-        words += ["train", "--stage", self.stage, "--recipe", self.recipe, "--seed", str(self.seed)]
-        words += ["--out", str(self.out), "--device", self.device, "--resume"]
+        words = ["perch-hil", "train", "--stage", self.stage, "--recipe", self.recipe, "--airframe", self.airframe]
+        words += [word for change in self.changes for word in ("--set", change)]
+        words += ["--seed", str(self.seed), "--out", str(self.out), "--device", self.device, "--resume"]
         return shlex.join(words)
 
 
 class _Stop:
-    """True once somebody wants the run to end; a later Ctrl-C ends it at once, without saving."""
+    """True once the run is asked to end; a later Ctrl-C ends it at once, without saving."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._asked: float | None = None
+        self._asked = False
 
     def __call__(self) -> bool:
-        return self._asked is not None
+        return self._asked
 
     def _ask(self, number: int, _frame: object) -> None:
-        if self._asked is None:
-            self._asked = time.monotonic()
-        elif number == signal.SIGINT and time.monotonic() - self._asked > _SAME_WISH:
+        if self._asked and number == signal.SIGINT:
             raise KeyboardInterrupt
-        else:
-            return
-        if _first():
-            self._console.print(f"{signal.Signals(number).name}: saving after this iteration; once more to lose it")
+        self._asked = True
+        self._console.print(f"{signal.Signals(number).name}: saving after this iteration; Ctrl-C ends it without")
 
     @contextmanager
     def listening(self) -> Iterator[None]:
@@ -107,26 +101,19 @@ class _Display:
             self._console.print(f"{self._kinds[phase]} {100.0 * numbers['share']:.1f} %, {told}", highlight=False)
 
 
-def _first() -> bool:
-    """False in all but one of several processes."""
-    return os.environ.get("RANK", "0") == "0"
-
-
 def train_policy(request: Request) -> int:
     """Train as asked; returns the exit code. Raises RecipeError, TrainingError and ContractError."""
-    plan = load_recipe(request.recipe)
+    recipe = load_recipe(request.recipe).changed((f"env.airframe={request.airframe}", *request.changes))
     resume, out = request.resume, request.out
     if not resume and any(out.glob("checkpoint*.pt")):
         raise TrainingError(f"{out} holds a run already: go on with it by --resume, or give another --out")
     console = Console(stderr=True, soft_wrap=True)
-    stop, display = _Stop(console), _Display(console, plan)
-    if _first():
-        console.print(f"{plan.title}: {request.stage} stage, seed {request.seed}, into {out}", highlight=False)
+    stop, display = _Stop(console), _Display(console, recipe)
+    told = f"{recipe.title}: {request.stage} stage, {request.airframe}, seed {request.seed}, into {out}"
+    console.print(told, highlight=False)
     with stop.listening(), display.progress:
-        where = (request.stage, plan, request.seed, out, resume, request.device, request.parent)
+        where = (recipe, request.stage, request.seed, out, resume, request.device, request.parent)
         policy = run(*where, progress=display, stop=stop)
-    if not _first():
-        return 130 if stop() else 0
     if stop():
         print(f"saved; go on with:\n  {request.again()}")
         return 130

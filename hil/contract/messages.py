@@ -146,7 +146,8 @@ class Belief:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """What the policy asks of the vehicle: body rates and mass-normalised collective thrust (CTBR)."""
+    """What is asked of the vehicle: body rates and mass-normalised collective thrust (CTBR), and what the policy asked
+    before guidance."""
 
     stamp_ns: int
     engaged: bool  # False while the policy still waits for detections: the driver keeps its hover
@@ -155,6 +156,9 @@ class Action:
     phase: str
     exposure_ns: int  # of the newest picture behind this action, for latency
     thrust_gain: float  # the policy's own estimate of achieved/asked thrust, 1 if it has none
+    asked_rate: Vec3 = (0.0, 0.0, 0.0)  # rad/s, body FLU, asked by the policy before guidance
+    asked_thrust: float = 0.0  # m/s^2, asked by the policy before guidance; 0: there was no guidance
+    laws: int = 0  # which laws of guidance acted: bits of policies/guidance/guide.py
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,5 +40,8 @@ class PolicyNode(Node):
             phase=command.phase,
             exposure_ns=belief.last_exposure_ns,
             thrust_gain=command.thrust_gain,
+            asked_rate=command.asked_rate or (0.0, 0.0, 0.0),
+            asked_thrust=command.asked_thrust or 0.0,
+            laws=command.laws,
         )
         return [Out("policy/action", action)]

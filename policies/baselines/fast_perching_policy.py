@@ -12,9 +12,10 @@ from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.baselines.fast_perching import PerchPlan, load_search, plan_perch
 from policies.baselines.fast_perching_params import FastPerchingParams
+from policies.environment import episode_row
 from policies.environment.config import TICK
 from policies.environment.env import Env
-from policies.environment.rows import S_STEP, X_P, X_Q, X_V
+from policies.environment.observe import shown_odometry
 from policies.estimation import thrust_row
 from policies.planner import params_row as pp
 from policies.planner.follow import face
@@ -28,7 +29,7 @@ _OFF = 0.3  # m beside the plan, above which the next one starts from the vehicl
 
 
 @njit
-def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
+def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, limits, out):
     """Normalised action (4,) that follows a plan: its states ((4, 3)) now, a rate lag and a thrust lag ahead.
 
     `left` s to contact; position feedback fades out before it, as it would turn the body.
@@ -50,7 +51,7 @@ def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
         q, force[0], force[1], force[2], fed[0], fed[1], fed[2], jerk[0], jerk[1], jerk[2], yaw_rate, thrust, gain,
         params, out,
     )  # fmt: skip
-    action_from_command(out.copy(), out)
+    action_from_command(out.copy(), limits, out)
 
 
 class FastPerching:
@@ -83,8 +84,8 @@ class FastPerching:
 
     def _row(self, env: Env, i: int) -> None:
         rows = env.rows
-        t, x = rows.state[i, S_STEP] * TICK, rows.scratch[i]
-        p, v, q = x[X_P : X_P + 3], x[X_V : X_V + 3], x[X_Q : X_Q + 4]
+        t = rows.state[i, episode_row.STEP] * TICK
+        p, v, q = shown_odometry(rows.scratch[i])
         made = None if rows.done[i] else self._plans[i]
         if made is None or (t - made[1] > _REPLAN - 0.5 * TICK and made[0].duration - (t - made[1]) > _LAST):
             made = self._plan(made, t, p, v, rows.believed[i])
@@ -93,7 +94,8 @@ class FastPerching:
         soon = t - begun + self._thrust_lag + 0.5 * TICK
         states = plan.at(t - begun), plan.at(ahead), plan.at(soon)
         left = plan.duration - (t - begun)
-        track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, thrust_row.GAIN], self._track, self._out[i])
+        believed, gain, limits = rows.believed[i], rows.gain[i, thrust_row.GAIN], env.shared.limits
+        track_plan(*states, left, p, v, q, believed, gain, self._track, limits, self._out[i])
 
     def _plan(
         self, made: tuple[PerchPlan, float] | None, t: float, p: np.ndarray, v: np.ndarray, seen: np.ndarray

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from policies.environment import config_row as c
 from policies.task.contact import ContactRules
 from policies.task.observation import HISTORY
 from policies.task.reward import RewardWeights
@@ -14,17 +16,6 @@ from policies.task.reward import RewardWeights
 TICK = 0.01  # s, one control step
 FAMILIES = ("spline", "line", "racetrack", "figure8", "circle", "static")
 LAWS = ("constant", "ou", "cosine", "steps")
-
-(C_SPEED_LOW, C_SPEED_HIGH, C_INC_LOW, C_INC_HIGH, C_FAMILY, C_LAW, C_CAR_LAG, C_DISTANCE_LOW, C_DISTANCE_HIGH,
- C_HEIGHT_LOW, C_HEIGHT_HIGH, C_AZIMUTH, C_TILT0, C_YAW0, C_V0_XY, C_V0_Z, C_RATE0_XY, C_RATE0_Z,
- C_MASS, C_INERTIA, C_TWR, C_CAMERA_TILT, C_DET_LOW, C_DET_HIGH, C_LATENCY_LOW, C_LATENCY_HIGH, C_NOISE_LOW,
- C_NOISE_HIGH, C_COMMAND_LOW, C_COMMAND_HIGH, C_WIND, C_ODOMETRY, C_VISION, C_AUGMENTATION, C_RHO, C_WARM,
- C_WARM_LOW, C_WARM_HIGH, C_STRIDE, C_FUTURE_STRIDE, C_LIMIT, C_SUBSTEPS, C_GAIN, C_SWINGS, C_FRONTIER,
- C_NOISE_POWER, C_DRAG_LOW, C_DRAG_HIGH, C_MOTOR_LAG_LOW, C_MOTOR_LAG_HIGH, C_RATE_GAIN_LOW, C_RATE_GAIN_HIGH) = (
-    0, 1, 2, 3, 4, 10, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37,
-    38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51,
-    52, 53, 54, 55, 56, 57, 58, 59)  # fmt: skip
-CONFIG_DIM = 60
 
 Pair = tuple[float, float]
 
@@ -42,11 +33,14 @@ class EnvConfig:
     `noise_scale` multiplies the paper's visual noise; `noise_power` above 1 draws small scales more often (half below a
     quarter of the range at 2): our own detector's noise is a tenth of the paper's. `families`, `laws`: odds of each of
     FAMILIES and LAWS;
-    `swings`: share of all episodes over steep boards whose speed swings as in Hard-I, whatever the other ranges say;
-    `frontier`: share of the others over boards that are hard by their speed, flat at 2.4 to 3.2 m/s or steep at 1.2 to
-    2.5 m/s.
-    `warm`: share of episodes in which the drone first hovers and watches for `warm_time` (as the harness does before it
-    engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
+    `oscillating`: share of all episodes that are over steep boards with an oscillating speed as in Hard-I, whatever the
+    other ranges say; `hard_examples`: share of the others over boards that are hard by their speed (hard-example
+    sampling), flat at 2.4 to 3.2 m/s or steep at 1.2 to 2.5 m/s.
+    `warm`: share of episodes in which the vehicle first hovers and watches for `warm_time` (as the harness does before
+    it engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
+    `guidance`: the laws of `policies/guidance/guide.py` act on every action before it is delayed and flown, by the
+    belief and the odometry that the policy was shown. The guided action is the one that the next observation and the
+    reward are told of. `guidance_changes` of GuidanceParams' defaults.
     `augmentation` False and `rho` False are the paper's ablations (raw poses and their differences; rho fixed to 1).
     """
 
@@ -63,8 +57,8 @@ class EnvConfig:
     inclination_deg: Pair = (0.0, 80.0)
     families: tuple[float, ...] = (0.6, 0.1, 0.1, 0.1, 0.05, 0.05)
     laws: tuple[float, ...] = (0.1, 0.5, 0.25, 0.15)
-    swings: float = 0.0
-    frontier: float = 0.0
+    oscillating: float = 0.0
+    hard_examples: float = 0.0
     car_lag: Pair = (0.0, 0.2)
     distance: Pair = (1.2, 3.5)
     height: Pair = (1.2, 2.0)
@@ -94,6 +88,8 @@ class EnvConfig:
     warm: float = 0.0
     warm_time: Pair = (0.15, 1.0)
     gain_slot: bool = True
+    guidance: bool = False
+    guidance_changes: Mapping[str, float] = field(default_factory=dict)
     rules: ContactRules = field(default_factory=ContactRules)
     weights: RewardWeights = field(default_factory=RewardWeights)
 
@@ -124,54 +120,30 @@ class EnvConfig:
         return (HISTORY - 1) * self.stride + 1
 
     def row(self) -> np.ndarray:
-        """The (CONFIG_DIM,) row for kernels."""
+        """The (config_row.DIM,) row for kernels."""
         families, laws = np.cumsum(self.families) / sum(self.families), np.cumsum(self.laws) / sum(self.laws)
         degrees = math.radians(1.0)
-        row = np.array(
-            [
-                *self.speed,
-                self.inclination_deg[0] * degrees,
-                self.inclination_deg[1] * degrees,
-                *families,
-                *laws,
-                self.car_lag[1],
-                *self.distance,
-                *self.height,
-                self.azimuth_deg * degrees,
-                self.tilt,
-                self.yaw,
-                self.velocity_xy,
-                self.velocity_z,
-                self.rate_xy,
-                self.rate_z,
-                self.mass,
-                self.inertia,
-                self.thrust_to_weight,
-                self.camera_tilt_deg * degrees,
-                *self.detector_hz,
-                *self.latency,
-                *self.noise_scale,
-                *self.command_delay,
-                self.wind,
-                self.odometry_noise,
-                float(self.stage == "vision"),
-                float(self.augmentation),
-                float(self.rho),
-                self.warm,
-                *self.warm_time,
-                self.stride,
-                self.future_stride,
-                self.limit,
-                self.substeps,
-                float(self.gain_slot),
-                self.swings,
-                self.frontier,
-                self.noise_power,
-                *self.drag,
-                *self.motor_lag,
-                *self.rate_gain,
-            ],
-            dtype=np.float64,
-        )
-        assert row.shape == (CONFIG_DIM,)
+        row = np.zeros(c.DIM)
+        for low, pair in (
+            (c.SPEED_LOW, self.speed), (c.INCLINATION_LOW, [value * degrees for value in self.inclination_deg]),
+            (c.DISTANCE_LOW, self.distance), (c.HEIGHT_LOW, self.height), (c.DETECTOR_LOW, self.detector_hz),
+            (c.LATENCY_LOW, self.latency), (c.NOISE_LOW, self.noise_scale), (c.COMMAND_DELAY_LOW, self.command_delay),
+            (c.WARM_TIME_LOW, self.warm_time), (c.DRAG_LOW, self.drag), (c.MOTOR_LAG_LOW, self.motor_lag),
+            (c.RATE_GAIN_LOW, self.rate_gain),
+        ):  # fmt: skip
+            row[low : low + 2] = pair
+        row[c.FAMILY : c.FAMILY + len(families)], row[c.LAW : c.LAW + len(laws)] = families, laws
+        row[c.CAR_LAG] = self.car_lag[1]
+        row[c.AZIMUTH], row[c.CAMERA_TILT] = self.azimuth_deg * degrees, self.camera_tilt_deg * degrees
+        row[c.TILT], row[c.YAW] = self.tilt, self.yaw
+        row[c.VELOCITY_XY], row[c.VELOCITY_Z] = self.velocity_xy, self.velocity_z
+        row[c.RATE_XY], row[c.RATE_Z] = self.rate_xy, self.rate_z
+        row[c.MASS], row[c.INERTIA], row[c.THRUST_TO_WEIGHT] = self.mass, self.inertia, self.thrust_to_weight
+        row[c.WIND], row[c.ODOMETRY], row[c.WARM] = self.wind, self.odometry_noise, self.warm
+        row[c.VISION], row[c.AUGMENTATION], row[c.RHO] = self.stage == "vision", self.augmentation, self.rho
+        row[c.STRIDE], row[c.FUTURE_STRIDE] = self.stride, self.future_stride
+        row[c.LIMIT], row[c.SUBSTEPS] = self.limit, self.substeps
+        row[c.GAIN_SLOT], row[c.GUIDANCE] = self.gain_slot, self.guidance
+        row[c.OSCILLATING], row[c.HARD_EXAMPLES] = self.oscillating, self.hard_examples
+        row[c.NOISE_POWER] = self.noise_power
         return row

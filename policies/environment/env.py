@@ -14,12 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from kernel.jit import njit
+from policies.environment import ended_row, episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.motion import extend_track
 from policies.environment.reset import reset_rows
-from policies.environment.rows import ENDED_DIM, S_FILLED, S_STEP, Rows, Shared, allocate
+from policies.environment.rows import Rows, Shared, allocate
 from policies.environment.step import step_rows
 from policies.estimation.ctrv import BeliefParams
+from policies.guidance.params import GuidanceParams
 from policies.task import result_row
 from policies.task.contact import REASONS, SUCCESS
 from vehicle.camera.noise import paper_noise
@@ -30,10 +32,10 @@ from vehicle.quadrotor.airframe import load_airframe
 @njit
 def fill_future(rows, i, step_ticks, out):
     """True board rows of episode i, `step_ticks` control steps apart, into `out` ((K, 8)); row 0 is now."""
-    begin, last = int(rows.state[i, S_STEP]), rows.track.shape[1] - 1
+    begin, last = int(rows.state[i, episode_row.STEP]), rows.track.shape[1] - 1
     wanted = min(begin + (out.shape[0] - 1) * step_ticks, last)
-    rows.state[i, S_FILLED] = extend_track(
-        rows.motion[i], rows.track[i], int(rows.state[i, S_FILLED]), wanted, rows.rng[i]
+    rows.state[i, episode_row.FILLED] = extend_track(
+        rows.motion[i], rows.track[i], int(rows.state[i, episode_row.FILLED]), wanted, rows.rng[i]
     )
     for k in range(out.shape[0]):
         out[k] = rows.track[i, min(begin + k * step_ticks, last)]
@@ -50,7 +52,7 @@ def advance(rows: Rows, shared: Shared, actions: np.ndarray) -> None:
 
 
 class Env:
-    """N episodes side by side. `rows` (env_rows.Rows) is open: kernels may read truth, belief and future from it."""
+    """N episodes side by side. `rows` is open: kernels may read truth, belief and future from it."""
 
     def __init__(self, config: EnvConfig, belief: BeliefParams | None = None) -> None:
         airframe = load_airframe(config.airframe)
@@ -66,6 +68,8 @@ class Env:
             noise=paper_noise(),
             nominal=airframe.params_row(),
             camera=mount.row(),
+            guidance=GuidanceParams.of(airframe, **config.guidance_changes).row(),
+            limits=airframe.limits_row(),
         )
         self.tally = Tally()
         self.steps = 0
@@ -89,7 +93,7 @@ class Env:
 
 
 class Tally:
-    """Episodes that ended, as rows ((K, ENDED_DIM), see env_rows.E_*)."""
+    """Episodes that ended, as rows ((K, ended_row.DIM), see `ended_row`)."""
 
     def __init__(self) -> None:
         self._parts: list[np.ndarray] = []
@@ -99,8 +103,8 @@ class Tally:
 
     @property
     def rows(self) -> np.ndarray:
-        """(K, ENDED_DIM)."""
-        return np.concatenate(self._parts) if self._parts else np.zeros((0, ENDED_DIM))
+        """(K, ended_row.DIM)."""
+        return np.concatenate(self._parts) if self._parts else np.zeros((0, ended_row.DIM))
 
     def causes(self) -> dict[str, int]:
         """Episodes by cause: 'success' or the reason of the failure."""

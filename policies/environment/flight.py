@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from kernel.rotations import from_euler
+from policies.environment import episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import S_EXPOSURE, S_PENDING, S_QUEUE, S_STEP, SLOT, X_P, X_Q, X_V
+from policies.environment.observe import shown_odometry
 from policies.estimation import belief_row, belief_state
 from policies.task.interface import Command, Vec3
 from policies.task.observation import action_from_command
@@ -61,19 +62,19 @@ class EnvFlight:
     @property
     def now_ns(self) -> int:
         """Time since the episode began."""
-        return round(self.env.rows.state[0, S_STEP] * TICK * 1e9)
+        return round(self.env.rows.state[0, episode_row.STEP] * TICK * 1e9)
 
     def odometry(self) -> Odometry:
         """What the vehicle knows of itself now, odometry noise included."""
-        own, w = self.env.rows.scratch[0].tolist(), self.env.rows.vehicle[0, state_row.W : state_row.W + 3].tolist()
-        p, v, q = own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4]
+        p, v, q = (view.tolist() for view in shown_odometry(self.env.rows.scratch[0]))
+        w = self.env.rows.vehicle[0, state_row.W : state_row.W + 3].tolist()
         return Odometry(
             self.now_ns, (p[0], p[1], p[2]), (v[0], v[1], v[2]), (q[0], q[1], q[2], q[3]), (w[0], w[1], w[2])
         )
 
     def detections(self) -> list[Detection]:
         """What has arrived since the last call."""
-        now = self.env.rows.state[0, S_STEP] * TICK + 1e-9
+        now = self.env.rows.state[0, episode_row.STEP] * TICK + 1e-9
         arrived = [seen for seen in self._waiting if seen.arrival <= now]
         self._waiting = [seen for seen in self._waiting if seen.arrival > now]
         return arrived
@@ -81,16 +82,21 @@ class EnvFlight:
     def act(self, command: Command) -> None:
         """One control step under `command`; `done` says whether it ended the episode and began another."""
         action = np.zeros(4)
-        action_from_command(np.array([*command.body_rate, command.thrust]), action)
+        asked = np.array([*command.body_rate, command.thrust])
+        action_from_command(asked, self.env.shared.limits, action)
         state = self.env.rows.state[0]
-        due = state[S_EXPOSURE]
+        due = state[episode_row.EXPOSURE]
         self.env.step(action[None])
         self.done = bool(self.env.rows.done[0])
         if self.done:
             self._waiting = [self._first()]
             return
-        slot = S_QUEUE + (int(state[S_PENDING]) - 1) * SLOT
-        if state[S_EXPOSURE] != due and state[S_PENDING] > 0.0 and state[slot + 1] == state[S_STEP] * TICK:
+        slot = episode_row.QUEUE + (int(state[episode_row.PENDING]) - 1) * episode_row.SLOT
+        if (
+            state[episode_row.EXPOSURE] != due
+            and state[episode_row.PENDING] > 0.0
+            and state[slot + 1] == state[episode_row.STEP] * TICK
+        ):
             self._waiting.append(self._detection(state[slot], state[slot + 2 : slot + 7], state[slot + 7 : slot + 12]))
 
     def _first(self) -> Detection:

@@ -15,31 +15,19 @@ from groundcar.motion.speed_laws import CONSTANT, COSINE, OU, SCHEDULED
 from groundcar.motion.splines import random_spline
 from kernel.jit import njit
 from kernel.random import uniform
-from policies.environment.config import (
-    C_CAR_LAG,
-    C_FAMILY,
-    C_FRONTIER,
-    C_INC_HIGH,
-    C_INC_LOW,
-    C_LAW,
-    C_SPEED_HIGH,
-    C_SPEED_LOW,
-    C_SWINGS,
-    FAMILIES,
-    LAWS,
-    TICK,
-)
+from policies.environment import config_row
+from policies.environment.config import FAMILIES, LAWS, TICK
 
 BOARD_HEIGHT = 1.5  # m, paper
 MOTION_DIM = motion_row.DIM + 8  # aux row of groundcar.motion.board_motion, then the board row at the end of the track
 _KINDS = (SPLINE, LINE, RACETRACK, FIGURE8, ARC, STATIC)
 _SPEED_KINDS = (CONSTANT, OU, COSINE, SCHEDULED)
 _FIGURE8_SPEED = 2.4  # m/s: at its tips 1.8 rad/s, the most the car turns
-# `swings`: Hard-I and more, as cars really drive it (asked 1.0 to 2.5 m/s every 3 s, they overshoot to 0.7-2.8).
+# `oscillating`: Hard-I and more, as cars really drive it (asked 1.0 to 2.5 m/s every 3 s, they overshoot to 0.7-2.8).
 _SPLINE, _COSINE = FAMILIES.index("spline"), LAWS.index("cosine")
-_SLOW, _FAST, _SWING = (0.6, 1.2), (2.2, 2.9), (2.5, 4.0)  # m/s, m/s, s
+_SLOW, _FAST, _PERIOD = (0.6, 1.2), (2.2, 2.9), (2.5, 4.0)  # m/s, m/s, s
 _STEEP = (math.radians(45.0), math.radians(75.0))
-# `frontier`: the boards that are hard by their speed, flat ones and steep ones.
+# `hard_examples`: boards that are hard by their speed, flat ones and steep ones.
 _FLAT_SHARE = 1.0 / 3.0
 _FLAT_SPEED, _FLAT_INCLINATION = (2.4, 3.2), (0.0, math.radians(20.0))
 _STEEP_SPEED, _STEEP_INCLINATION = (1.2, 2.5), (math.radians(62.0), math.radians(75.0))
@@ -93,16 +81,20 @@ def _draw_speed(law, row, speed, low, high, rng):
 def motion_draw(motion, config, rng):
     """Draw an episode's motion into a motion row. Returns (desired speed m/s, family, law)."""
     aux, board = motion[: motion_row.DIM], motion[motion_row.DIM :]
-    family = pick(config[C_FAMILY : C_FAMILY + 6], uniform(rng, 0.0, 1.0))
-    law = pick(config[C_LAW : C_LAW + 4], uniform(rng, 0.0, 1.0))
-    low, high = config[C_SPEED_LOW], config[C_SPEED_HIGH]
+    family = pick(config[config_row.FAMILY : config_row.FAMILY + 6], uniform(rng, 0.0, 1.0))
+    law = pick(config[config_row.LAW : config_row.LAW + 4], uniform(rng, 0.0, 1.0))
+    low, high = config[config_row.SPEED_LOW], config[config_row.SPEED_HIGH]
     speed = uniform(rng, low, high)
-    swings = config[C_SWINGS] > 0.0 and uniform(rng, 0.0, 1.0) < config[C_SWINGS]
-    frontier = not swings and config[C_FRONTIER] > 0.0 and uniform(rng, 0.0, 1.0) < config[C_FRONTIER]
-    flat = frontier and uniform(rng, 0.0, 1.0) < _FLAT_SHARE
-    if swings:
+    oscillating = config[config_row.OSCILLATING] > 0.0 and uniform(rng, 0.0, 1.0) < config[config_row.OSCILLATING]
+    hard = (
+        not oscillating
+        and config[config_row.HARD_EXAMPLES] > 0.0
+        and uniform(rng, 0.0, 1.0) < config[config_row.HARD_EXAMPLES]
+    )
+    flat = hard and uniform(rng, 0.0, 1.0) < _FLAT_SHARE
+    if oscillating:
         family, law, speed = _SPLINE, _COSINE, uniform(rng, *_FAST)
-    elif frontier:
+    elif hard:
         speed = uniform(rng, *_FLAT_SPEED) if flat else uniform(rng, *_STEEP_SPEED)
     kind = _KINDS[family]
     if kind == FIGURE8 and low < high:
@@ -112,10 +104,10 @@ def motion_draw(motion, config, rng):
     aux[:] = 0.0
     _draw_path(aux[motion_row.PATH : motion_row.PATH + path_row.DIM], kind, speed, rng)
     _draw_speed(_SPEED_KINDS[law], aux[motion_row.SPEED : motion_row.SPEED + speed_row.DIM], speed, low, high, rng)
-    if swings:
+    if oscillating:
         aux[motion_row.SPEED + speed_row.V], aux[motion_row.SPEED + speed_row.PERIOD] = (
             uniform(rng, *_SLOW),
-            uniform(rng, *_SWING),
+            uniform(rng, *_PERIOD),
         )
     aux[motion_row.PATH_KIND], aux[motion_row.SPEED_KIND] = kind, _SPEED_KINDS[law]
     aux[motion_row.CHANGE_TIME], aux[motion_row.CHANGE_LENGTH] = math.inf, math.inf
@@ -125,15 +117,15 @@ def motion_draw(motion, config, rng):
         aux[motion_row.ARC_RADIUS] = uniform(rng, max(2.0, speed / 1.2), 6.0)
         if uniform(rng, 0.0, 1.0) < 0.5:
             aux[motion_row.ARC_RADIUS] = -aux[motion_row.ARC_RADIUS]
-    if config[C_CAR_LAG] > 0.0 and uniform(rng, 0.0, 1.0) < 0.7:
-        aux[motion_row.RESPONSE] = 1.0 / uniform(rng, 0.3 * config[C_CAR_LAG], config[C_CAR_LAG])
+    if config[config_row.CAR_LAG] > 0.0 and uniform(rng, 0.0, 1.0) < 0.7:
+        aux[motion_row.RESPONSE] = 1.0 / uniform(rng, 0.3 * config[config_row.CAR_LAG], config[config_row.CAR_LAG])
         aux[motion_row.DAMPING], aux[motion_row.ACCEL_LIMIT] = uniform(rng, 0.5, 1.2), uniform(rng, 2.0, 5.0)
     u = uniform(rng, 0.0, 1.0) * path_lap(kind, aux[motion_row.PATH : motion_row.PATH + path_row.DIM])
     switch = aux[motion_row.SPEED + speed_row.SWITCH]
-    inclination = uniform(rng, config[C_INC_LOW], config[C_INC_HIGH])
-    if swings:
+    inclination = uniform(rng, config[config_row.INCLINATION_LOW], config[config_row.INCLINATION_HIGH])
+    if oscillating:
         inclination = uniform(rng, *_STEEP)
-    elif frontier:
+    elif hard:
         inclination = uniform(rng, *_FLAT_INCLINATION) if flat else uniform(rng, *_STEEP_INCLINATION)
     motion_reset(board, aux, u, BOARD_HEIGHT, inclination, True)
     if math.isinf(aux[motion_row.CHANGE_TIME]):  # else the change of path decides when the speed changes

@@ -1,4 +1,4 @@
-"""The environment's memory: one row per episode in each array, and what the columns of its own rows mean."""
+"""The environment's memory: one row per episode in each array, named arrays for Numba."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kernel.random import stream
+from policies.environment import ended_row, episode_row, scratch_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.motion import MOTION_DIM
 from policies.estimation import belief_row, thrust_row
@@ -19,34 +20,6 @@ from vehicle.quadrotor import airframe_row, order_row, state_row
 FUTURE = 15  # N of the paper: future board states for the critic
 FUTURE_DIM = FUTURE * entry_row.DIM
 
-# Columns of a state row. Times are seconds since the reset; a step is 10 ms.
-S_STEP, S_BEGIN, S_FILLED = 0, 1, 2  # present step; step at which the policy took over; last step of the track known
-S_ACTION = 3  # 4, previous action in [-1, 1]
-S_COMMAND, S_BEFORE = 7, 11  # 4 each, CTBR asked one and two steps ago
-S_DELAY = 15  # substeps of physics between asking and the rate loop
-S_EXPOSURE, S_PERIOD, S_LATENCY = 16, 17, 18  # next exposure, detector period, exposure to update, s
-S_NOISE, S_ODOMETRY = 19, 20  # scale of visual noise and of odometry noise
-S_BIAS = 21  # 7, bias row of the visual noise
-S_SEEN, S_RHO, S_RETURN = 28, 29, 30  # sums over the episode: steps with the board in view, rho, reward
-S_SPEED, S_FAMILY, S_LAW = 31, 32, 33  # what was drawn
-S_RAW = 34  # 12: newest measurement (5) and its time, the one before (for the ablation without input augmentation)
-S_VISIBLE = 46  # 1 if the board is in view now
-S_ERROR = 47  # m, of the believed position now
-S_PENDING = 48  # detections under way
-S_QUEUE = 49  # QUEUE slots of [arrival, exposure, z (5), r (5)]
-QUEUE, SLOT = 8, 12
-S_DIM = S_QUEUE + QUEUE * SLOT
-
-# Columns of an ended row: the contact result of the episode that ended, then these.
-E_STEPS, E_SEEN, E_RHO, E_RETURN, E_SPEED, E_INCLINATION, E_FAMILY, E_LAW, E_ERROR = range(
-    result_row.DIM, result_row.DIM + 9
-)
-ENDED_DIM = result_row.DIM + 9
-
-# Slices of a scratch row.
-X_OBSERVED, X_Z, X_R, X_COMMAND, X_BOARD, X_Q, X_P, X_V, X_SIGMA = 0, 10, 15, 20, 24, 32, 36, 39, 42
-SCRATCH_DIM = 48
-
 
 class Rows(NamedTuple):
     """Row i of every array is episode i. A snapshot of all of them is a snapshot of the environment."""
@@ -55,17 +28,17 @@ class Rows(NamedTuple):
     params: np.ndarray  # (N, NP)
     order: np.ndarray  # (N, ORDER_DIM) what the vehicle is asked in this step
     motion: np.ndarray  # (N, MOTION_DIM) where the board's motion stands, at the end of the track
-    track: np.ndarray  # (N, T, 8) true board rows, step by step since the reset, known to S_FILLED
+    track: np.ndarray  # (N, T, 8) true board rows, step by step since the reset, known to episode_row.FILLED
     belief: np.ndarray  # (N, BELIEF_DIM)
     history: np.ndarray  # (N, history_dim)
     camera: np.ndarray  # (N, CAM_DIM)
     gain: np.ndarray  # (N, GAIN_DIM)
-    state: np.ndarray  # (N, S_DIM)
+    state: np.ndarray  # (N, episode_row.DIM)
     rng: np.ndarray  # (N, 1) uint64
     believed: np.ndarray  # (N, 8) board row that the policy is shown
-    scratch: np.ndarray  # (N, SCRATCH_DIM)
+    scratch: np.ndarray  # (N, scratch_row.DIM)
     result: np.ndarray  # (N, RESULT_DIM)
-    ended: np.ndarray  # (N, ENDED_DIM) of the last episode that ended in this row
+    ended: np.ndarray  # (N, ended_row.DIM) of the last episode that ended in this row
     terms: np.ndarray  # (N, TERMS_DIM)
     observation: np.ndarray  # (N, OBS_DIM) float32
     future: np.ndarray  # (N, FUTURE_DIM) float32
@@ -83,6 +56,8 @@ class Shared(NamedTuple):
     noise: np.ndarray
     nominal: np.ndarray  # params row of the airframe
     camera: np.ndarray
+    guidance: np.ndarray  # row of GuidanceParams
+    limits: np.ndarray  # limits row of the airframe: what actions are scaled by
 
 
 def track_length(config: EnvConfig) -> int:
@@ -109,12 +84,12 @@ def allocate(config: EnvConfig) -> Rows:
         history=zeros(history_dim(config.stride)),
         camera=zeros(camera_row.DIM),
         gain=zeros(thrust_row.DIM),
-        state=zeros(S_DIM),
+        state=zeros(episode_row.DIM),
         rng=rng,
         believed=zeros(8),
-        scratch=zeros(SCRATCH_DIM),
+        scratch=zeros(scratch_row.DIM),
         result=zeros(result_row.DIM),
-        ended=zeros(ENDED_DIM),
+        ended=zeros(ended_row.DIM),
         terms=zeros(terms_row.DIM),
         observation=zeros(OBS_DIM, dtype=np.float32),
         future=zeros(FUTURE_DIM, dtype=np.float32),

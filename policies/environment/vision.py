@@ -7,28 +7,8 @@ import math
 from groundcar.motion.pose import board_quaternion, board_velocity
 from kernel.jit import njit
 from kernel.random import uniform
-from policies.environment.config import C_AUGMENTATION, C_RHO, TICK
-from policies.environment.rows import (
-    QUEUE,
-    S_BIAS,
-    S_ERROR,
-    S_EXPOSURE,
-    S_LATENCY,
-    S_NOISE,
-    S_PENDING,
-    S_PERIOD,
-    S_QUEUE,
-    S_RAW,
-    S_STEP,
-    S_VISIBLE,
-    SLOT,
-    X_OBSERVED,
-    X_Q,
-    X_R,
-    X_SIGMA,
-    X_V,
-    X_Z,
-)
+from policies.environment import config_row, episode_row, scratch_row
+from policies.environment.config import TICK
 from policies.estimation.board_ekf import belief_predict, belief_update, measurement_from_pose
 from policies.estimation.ctrv import wrap
 from vehicle.camera.noise import ODOMETRY_SIGMA, POINTING_SIGMA, observe_board
@@ -45,7 +25,7 @@ def look(rows, i, shared, board):
     seen = board_row_visibility(
         vehicle[state_row.P : state_row.P + 3], vehicle[state_row.Q : state_row.Q + 4], board, rows.camera[i]
     )
-    rows.state[i, S_VISIBLE] = seen
+    rows.state[i, episode_row.VISIBLE] = seen
     return seen
 
 
@@ -53,12 +33,16 @@ def look(rows, i, shared, board):
 def expose(rows, i, shared, board, now, latency):
     """Take a picture if one is due; a board in view joins the queue of detections, to arrive after `latency`."""
     state, vehicle, x = rows.state[i], rows.vehicle[i], rows.scratch[i]
-    if now < state[S_EXPOSURE] - 1e-9:
+    if now < state[episode_row.EXPOSURE] - 1e-9:
         return
-    state[S_EXPOSURE] = max(state[S_EXPOSURE] + state[S_PERIOD], now + 0.5 * TICK)
-    if state[S_VISIBLE] == 0.0 or state[S_PENDING] >= QUEUE:
+    state[episode_row.EXPOSURE] = max(state[episode_row.EXPOSURE] + state[episode_row.PERIOD], now + 0.5 * TICK)
+    if state[episode_row.VISIBLE] == 0.0 or state[episode_row.PENDING] >= episode_row.QUEUE_LENGTH:
         return
-    observed, q, v = x[X_OBSERVED : X_OBSERVED + 10], x[X_Q : X_Q + 4], x[X_V : X_V + 3]
+    observed, q, v = (
+        x[scratch_row.OBSERVED : scratch_row.OBSERVED + 10],
+        x[scratch_row.Q : scratch_row.Q + 4],
+        x[scratch_row.V : scratch_row.V + 3],
+    )
     q[0], q[1], q[2], q[3] = board_quaternion(board)
     v[0], v[1], v[2] = board_velocity(board)
     observe_board(
@@ -70,12 +54,12 @@ def expose(rows, i, shared, board, now, latency):
         v,
         rows.camera[i],
         shared.noise,
-        state[S_NOISE],
-        state[S_BIAS : S_BIAS + 7],
+        state[episode_row.NOISE],
+        state[episode_row.BIAS : episode_row.BIAS + 7],
         rows.rng[i],
         observed,
     )
-    sigma = x[X_SIGMA : X_SIGMA + 3]
+    sigma = x[scratch_row.SIGMA : scratch_row.SIGMA + 3]
     axis = optical_axis(vehicle[state_row.Q : state_row.Q + 4], rows.camera[i])
     lateral, depth = observed[7] * observed[7], observed[8] * observed[8]
     dx, dy, dz = (
@@ -87,36 +71,39 @@ def expose(rows, i, shared, board, now, latency):
     for k in range(3):
         sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k] + floor)
     turned = math.hypot(observed[9], POINTING_SIGMA)
-    z, r = x[X_Z : X_Z + 5], x[X_R : X_R + 5]
+    z, r = x[scratch_row.Z : scratch_row.Z + 5], x[scratch_row.R : scratch_row.R + 5]
     if not measurement_from_pose(observed[0:3], observed[3:7], sigma, turned, z, r):
         return
-    slot = S_QUEUE + int(state[S_PENDING]) * SLOT
+    slot = episode_row.QUEUE + int(state[episode_row.PENDING]) * episode_row.SLOT
     state[slot], state[slot + 1] = now + latency, now
     state[slot + 2 : slot + 7] = z
     state[slot + 7 : slot + 12] = r
-    state[S_PENDING] += 1.0
+    state[episode_row.PENDING] += 1.0
 
 
 @njit
 def deliver(rows, i, shared, now):
     """Feed the filter every detection that has arrived by `now`."""
     state = rows.state[i]
-    while state[S_PENDING] > 0.0 and state[S_QUEUE] <= now + 1e-9:
-        z, r = state[S_QUEUE + 2 : S_QUEUE + 7], state[S_QUEUE + 7 : S_QUEUE + 12]
-        belief_update(rows.belief[i], state[S_QUEUE + 1], z, r, shared.belief)
-        state[S_RAW + 6 : S_RAW + 12] = state[S_RAW : S_RAW + 6]
-        state[S_RAW : S_RAW + 5] = z
-        state[S_RAW + 5] = state[S_QUEUE + 1]
-        count = int(state[S_PENDING])
-        for k in range(S_QUEUE, S_QUEUE + (count - 1) * SLOT):
-            state[k] = state[k + SLOT]
-        state[S_PENDING] -= 1.0
+    while state[episode_row.PENDING] > 0.0 and state[episode_row.QUEUE] <= now + 1e-9:
+        z, r = (
+            state[episode_row.QUEUE + 2 : episode_row.QUEUE + 7],
+            state[episode_row.QUEUE + 7 : episode_row.QUEUE + 12],
+        )
+        belief_update(rows.belief[i], state[episode_row.QUEUE + 1], z, r, shared.belief)
+        state[episode_row.RAW + 6 : episode_row.RAW + 12] = state[episode_row.RAW : episode_row.RAW + 6]
+        state[episode_row.RAW : episode_row.RAW + 5] = z
+        state[episode_row.RAW + 5] = state[episode_row.QUEUE + 1]
+        count = int(state[episode_row.PENDING])
+        for k in range(episode_row.QUEUE, episode_row.QUEUE + (count - 1) * episode_row.SLOT):
+            state[k] = state[k + episode_row.SLOT]
+        state[episode_row.PENDING] -= 1.0
 
 
 @njit
 def raw_estimate(state, out):
     """The paper's ablation without input augmentation: last pose as it is, velocity from the last two poses."""
-    new, old = S_RAW, S_RAW + 6
+    new, old = episode_row.RAW, episode_row.RAW + 6
     dt = state[new + 5] - state[old + 5]
     out[0], out[1], out[2], out[3], out[6] = state[new], state[new + 1], state[new + 2], state[new + 3], state[new + 4]
     out[4] = out[5] = out[7] = 0.0
@@ -130,20 +117,20 @@ def raw_estimate(state, out):
 def see(rows, i, shared, board, latency):
     """One step of perception: look, expose, deliver, predict. Writes the believed row and returns the policy's rho."""
     state = rows.state[i]
-    now = state[S_STEP] * TICK
+    now = state[episode_row.STEP] * TICK
     look(rows, i, shared, board)
     expose(rows, i, shared, board, now, latency)
     deliver(rows, i, shared, now)
     believed = rows.believed[i]
     rho = belief_predict(rows.belief[i], now, shared.belief, believed)
     dx, dy, dz = believed[0] - board[0], believed[1] - board[1], believed[2] - board[2]
-    state[S_ERROR] = math.sqrt(dx * dx + dy * dy + dz * dz)
-    if shared.config[C_AUGMENTATION] == 0.0:
+    state[episode_row.ERROR] = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if shared.config[config_row.AUGMENTATION] == 0.0:
         raw_estimate(state, believed)
-    return rho if shared.config[C_RHO] > 0.0 and shared.config[C_AUGMENTATION] > 0.0 else 1.0
+    return rho if shared.config[config_row.RHO] > 0.0 and shared.config[config_row.AUGMENTATION] > 0.0 else 1.0
 
 
 @njit
 def latency_now(rows, i):
     """The detector's latency for this exposure, s."""
-    return rows.state[i, S_LATENCY] + uniform(rows.rng[i], -_JITTER, _JITTER)
+    return rows.state[i, episode_row.LATENCY] + uniform(rows.rng[i], -_JITTER, _JITTER)

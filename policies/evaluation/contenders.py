@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from policies.environment.env import Env
 from policies.evaluation.evaluate import Policy
 from policies.flying.contract import check_contract, open_policy
 from policies.flying.shipped import SHIPPED, policy_file
+from policies.planner.policy import GUIDANCE
 from policies.teachers.planner import ANALYTIC, LEARNED, PlannerInEnv
 from policies.teachers.teacher import Teacher
 
@@ -53,6 +55,8 @@ class Contender:
     stage: str  # what it was trained for, or "vision"
     stride: int = EnvConfig.stride
     airframe: str = EnvConfig.airframe
+    guidance: bool = False  # made to be flown with guidance outside
+    guidance_changes: Mapping[str, float] = field(default_factory=dict)
 
     def config(self, stage: str | None, seed: int, **changes: object) -> EnvConfig:
         """The environment to evaluate it in; `stage` None: its own. Odometry is perfect in the state stage.
@@ -61,7 +65,9 @@ class Contender:
         """
         stage = stage or self.stage
         settings = {"odometry_noise": 0.0 if stage == "state" else 1.0, "noise_scale": (1.0, 1.0), **changes}
-        return EnvConfig(stage=stage, stride=self.stride, seed=seed, airframe=self.airframe, **settings)  # type: ignore[arg-type]
+        made_for = {"stride": self.stride, "airframe": self.airframe}
+        guided = {"guidance": self.guidance, "guidance_changes": self.guidance_changes}
+        return EnvConfig(stage=stage, seed=seed, **{**made_for, **guided, **settings})  # type: ignore[arg-type]
 
 
 def open_contender(name: str) -> Contender:
@@ -77,11 +83,13 @@ def open_contender(name: str) -> Contender:
         return Contender(name, Expert(), "vision")
     file = policy_file(name)
     if file is None and name in NAMES:
-        return Contender(name, PlannerInEnv(LEARNED if name == "planner" else ANALYTIC), "vision")
+        planner = PlannerInEnv(LEARNED if name == "planner" else ANALYTIC)
+        return Contender(name, planner, "vision", guidance=True, guidance_changes=GUIDANCE)
     if file is None or file.suffix != ".onnx":
         near = difflib.get_close_matches(name, NAMES, 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise ValueError(f"no policy '{name}': give {', '.join(NAMES)} or the path of an .onnx file{hint}")
     made = OnnxPolicy(file)
     contract = made.contract
-    return Contender(contract.name, made, contract.stage, contract.observation.stride, contract.airframe)
+    made_for = contract.stage, contract.observation.stride, contract.airframe, contract.guidance
+    return Contender(contract.name, made, *made_for)

@@ -1,7 +1,7 @@
 """How well a policy perches, measured in the training environment: the paper's operating points and the distributions.
 
 Every row of the environment contributes the same number of episodes, its first ones, so that quick ends are not counted
-more often than slow ones. Evaluation has seeds that training and tuning do not use: see `evaluation_seed`.
+more often than slow ones. What is evaluated on is kept out of what is learnt and tuned on: see `evaluation_seed`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from policies.environment import ended_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import E_RHO, E_SEEN, E_STEPS
 from policies.task import result_row
 from policies.task.contact import REASONS, SUCCESS
 from vehicle.camera.noise import measured_noise, paper_noise
@@ -23,10 +23,10 @@ from vehicle.camera.noise import measured_noise, paper_noise
 Policy = Callable[[Env], np.ndarray]
 """Environment in, actions ((N, 4) in [-1, 1]) out; called once a step."""
 Watch = Callable[[float], None]
-"""Called with the share of the work that is done, 0 to 1."""
+"""Told the share of the work that is done, 0 to 1."""
 
 NOISES = {"paper": paper_noise, "measured": measured_noise}
-"""Noise of the simulated detector: the paper's table, or as measured on this project's renderer and detector."""
+"""Noise of the simulated detector: the paper's table, or what this project's renderer and detector show."""
 
 _SPLINE, _OU = (1.0, 0, 0, 0, 0, 0), (0, 1.0, 0, 0)
 IMPACT_BAND = (0.4, 0.65)  # m/s along the normal, the paper's flights
@@ -37,7 +37,7 @@ def evaluation_seed(seed: int) -> int:
     """The environment's seed for evaluation `seed` (0, 1, ...).
 
     Training draws from seeds below 2**40 (1000 times its own seed, plus the process), tuning from small ones; these
-    lie above, so that no episode of an evaluation was used to train or tune.
+    lie above, so that nothing a policy is judged on was ever learnt or tuned on.
     """
     if not 0 <= seed < _FIRST_SEED:
         raise ValueError(f"seed {seed}: give one from 0 to {_FIRST_SEED - 1}")
@@ -126,7 +126,7 @@ def summarise(name: str, ended: np.ndarray) -> Row:
         hits=hits,
         success=100.0 * hits / trials,
         attached=100.0 * float(ended[:, result_row.ATTACHED].mean()),
-        duration=float(shown[:, E_STEPS].mean()) * TICK,
+        duration=float(shown[:, ended_row.STEPS].mean()) * TICK,
         position_error=float(shown[:, result_row.PLANAR].mean()),
         normal_error=float(shown[:, result_row.NORMAL_ERROR].mean()),
         tangential_speed=float(shown[:, result_row.TANGENTIAL_SPEED].mean()),
@@ -134,8 +134,8 @@ def summarise(name: str, ended: np.ndarray) -> Row:
         normal_speed_5=float(np.percentile(into, 5)),
         normal_speed_95=float(np.percentile(into, 95)),
         in_band=100.0 * float(((into >= IMPACT_BAND[0]) & (into <= IMPACT_BAND[1])).mean()),
-        seen=100.0 * float(ended[:, E_SEEN].mean()),
-        rho=float(ended[:, E_RHO].mean()),
+        seen=100.0 * float(ended[:, ended_row.SEEN].mean()),
+        rho=float(ended[:, ended_row.RHO].mean()),
         causes=causes,
     )
 

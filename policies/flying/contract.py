@@ -12,7 +12,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from policies.task.observation import HISTORY, LAYOUT_NAME, LAYOUT_VERSION, OBS_DIM, RATE_MAX, THRUST_MAX, THRUST_MIN
+from policies.task.observation import HISTORY, LAYOUT_NAME, LAYOUT_VERSION, OBS_DIM
+from vehicle.quadrotor.airframe import Airframe
 
 METADATA_KEY = "perch_hil_contract"
 _RETRAIN = "; train it with this version of the project"
@@ -40,9 +41,33 @@ class ObservationContract(_Part):
 class ActionContract(_Part):
     """Paper Eq. of the CTBR action: output in [-1, 1], order roll, pitch, yaw rate, thrust. m/s^2 and rad/s."""
 
-    thrust_min: float = THRUST_MIN
-    thrust_max: float = THRUST_MAX
-    rate_max: float = RATE_MAX
+    thrust_min: float
+    thrust_max: float
+    rate_max: float
+
+    @classmethod
+    def of(cls, airframe: Airframe) -> ActionContract:
+        """What the airframe lets be asked."""
+        low, high = airframe.command.thrust
+        return cls(thrust_min=low, thrust_max=high, rate_max=airframe.command.body_rate)
+
+
+class VehicleContract(_Part):
+    """What of the vehicle decides on a contact: the contact disc under the centre of mass, m, and the lags of thrust
+    and body rate, s."""
+
+    disc_below: float
+    disc_radius: float
+    thrust_lag: float
+    rate_lag: float
+
+    @classmethod
+    def of(cls, airframe: Airframe) -> VehicleContract:
+        """The airframe's."""
+        disc, lags = airframe.contact, (airframe.motors.lag, airframe.command.rate_lag)
+        return cls(
+            disc_below=disc.magnet_below, disc_radius=disc.footprint_radius, thrust_lag=lags[0], rate_lag=lags[1]
+        )
 
 
 class CameraContract(_Part):
@@ -56,6 +81,11 @@ class CameraContract(_Part):
     cy: float = 359.5
     offset: tuple[float, float, float] = (0.08, 0.0, 0.0)
     tilt: float = 0.2617993877991494
+
+    @classmethod
+    def of(cls, airframe: Airframe) -> CameraContract:
+        """The paper's camera, which every picture is brought to, where the airframe carries it."""
+        return cls(offset=airframe.camera.offset, tilt=math.radians(airframe.camera.tilt_deg))
 
     def like(self, other: CameraContract) -> bool:
         """Whether it is the same but for rounding."""
@@ -87,11 +117,19 @@ class Contract(_Part):
     control_hz: int = 100
     airframe: str
     observation: ObservationContract = ObservationContract()
-    action: ActionContract = ActionContract()
-    camera: CameraContract = CameraContract()
+    action: ActionContract
+    camera: CameraContract
+    vehicle: VehicleContract | None = Field(default=None, description="absent in older files")
+    guidance: bool = Field(default=False, description="fly it with guidance outside; older files have it inside")
     provenance: Provenance
     shift: tuple[float, ...] = ()
     scale: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, airframe: Airframe, **others: Any) -> Contract:
+        """A contract with the airframe's limits, contact disc, lags and camera; `others`: the rest of the fields."""
+        parts = ActionContract.of(airframe), CameraContract.of(airframe), VehicleContract.of(airframe)
+        return cls(airframe=airframe.name, action=parts[0], camera=parts[1], vehicle=parts[2], **others)
 
 
 def parse_contract(text: str, where: str = "policy") -> Contract:
@@ -141,23 +179,26 @@ def read_contract(path: str | Path) -> Contract:
     return contract
 
 
-def check_contract(
-    contract: Contract, *, airframe: str | None = None, camera: CameraContract | None = None, stage: str | None = None
-) -> None:
+def check_contract(contract: Contract, *, airframe: Airframe | None = None, stage: str | None = None) -> None:
     """Raise ContractError, naming policy's and expected value, unless the policy fits this build and this flight."""
     here = ObservationContract(stride=contract.observation.stride)
     _same(contract, "observation layout", contract.observation.layout, here.layout)
     _same(contract, "observation version", contract.observation.version, here.version, _RETRAIN)
     _same(contract, "observation history", contract.observation.history, here.history)
     _same(contract, "observation dimension", contract.observation.dimension, here.dimension)
-    _same(contract, "action scaling", contract.action, ActionContract())
     _same(contract, "control rate in Hz", contract.control_hz, 100)
-    if airframe is not None:
-        _same(contract, "airframe", contract.airframe, airframe)
     if stage is not None:
         _same(contract, "stage", contract.stage, stage)
-    if camera is not None and contract.stage == "vision" and not contract.camera.like(camera):
-        _same(contract, "camera", contract.camera, camera)
+    if airframe is None:
+        return
+    train = f"; train one for it: `perch-hil train --airframe {airframe.name}`"
+    _same(contract, "airframe", contract.airframe, airframe.name, train)
+    _same(contract, "action scaling", contract.action, ActionContract.of(airframe), train)
+    if contract.vehicle is not None:
+        _same(contract, "contact disc and lags", contract.vehicle, VehicleContract.of(airframe), train)
+    camera = CameraContract.of(airframe)
+    if contract.stage == "vision" and not contract.camera.like(camera):
+        _same(contract, "camera", contract.camera, camera, train)
 
 
 def _same(contract: Contract, what: str, has: object, wanted: object, mend: str = "") -> None:

@@ -1,12 +1,9 @@
-"""The last eighth of a second: body rates that let the drone touch aligned, whatever flew it there.
+"""Terminal attitude alignment: body rates that bring body z onto the board's normal at contact.
 
-A network that has learnt from a planner misses by its attitude where it has speed along the board to spare. So the
-misalignment at contact is foretold from the rates now asked, and what exceeds a band is taken off them. Inside the band
-nothing changes. Over steep boards the band lies about a lean up the slope: thrust then holds against the pull along it,
-and a contact too early or too late skids less. On a board that turns hard it lies about a bank into the turn: a drone
-levelled too early drifts out of it.
-
-The planner calls this kernel; `network_touch.py` says the same in torch, so that an exported network carries it.
+The misalignment at contact is predicted from the body rates now asked, and what exceeds a band is taken off them.
+Inside the band nothing changes. Over inclined boards the band lies about a lean up the slope: thrust then opposes the
+component of gravity along it, and a contact too early or too late slides less. On a board that turns hard the band lies
+about a bank into the turn: a vehicle levelled too early drifts out of the turn.
 """
 
 from __future__ import annotations
@@ -16,56 +13,63 @@ import math
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
+from policies.guidance import params as gp
 from policies.guidance.approach import approach
 from vehicle.quadrotor.airframe import GRAVITY
 
-FROM = 0.12  # s to contact, from where on
-SHORTEST = 0.08  # s in which an excess is at most to be turned away; less rattles
-UNSURE, MOST = 3.0, 0.04  # the surface may be nearer by so many of its sigmas, at most by m
-LAG = 0.04  # s that the rates asked before still act
-BAND = 0.08  # rad about the wanted axis
-BESIDE = 0.3  # m from the board's centre along its surface
-SLOWEST = 0.1  # m/s towards the board
-FACING = 0.5  # cosine between body z and normal
-BANK, BANK_FROM, BANK_MOST = 0.4, 0.18, 0.04  # share of the bank that a turn takes beyond rad, at most rad
+
+@njit
+def lean_now(board, sigma, g):
+    """Lean of the wanted axis, rad up a vertical slope, for a surface known to `sigma` m. `board` (8,), `g` parameters.
+
+    The share for a poorly known surface is scaled so that it is the same up any slope whose sine exceeds LEAN_SLOPE.
+    """
+    poorly = min(1.0, max(0.0, (sigma - g[gp.SIGMA_LOW]) / (g[gp.SIGMA_HIGH] - g[gp.SIGMA_LOW])))
+    return g[gp.LEAN] + g[gp.LEAN_UNCERTAIN] * poorly / max(gp.LEAN_SLOPE, abs(math.sin(board[6])))
 
 
 @njit
-def wanted_axis(board, left, lean):
+def wanted_axis(board, left, lean, g):
     """Where body z is wanted in `left` s (3 floats, not normalised): on the normal of then, but for lean and bank.
 
-    `board` (8,) the board now; `lean` rad up a vertical slope, less up others.
+    `board` (8,) the board now; `lean` rad up a vertical slope, less up others; `g` (gp.COUNT,) parameters.
     """
     nx, ny, nz = board_normal(board)
     c, s, sine = math.cos(board[3]), math.sin(board[3]), math.sin(board[6])
     turn, lean = board[5] * left, lean * sine
     pull = board[4] * board[5] / GRAVITY
-    bank = math.copysign(min(BANK_MOST, BANK * max(0.0, abs(pull) - BANK_FROM)), pull)
+    bank = min(g[gp.BANK_MOST], g[gp.BANK_SHARE] * max(0.0, abs(pull) - g[gp.BANK_FROM]))
+    bank = math.copysign(bank, pull)
     wx = nx - turn * ny + lean * nz * c - bank * s
     wy = ny + turn * nx + lean * nz * s + bank * c
     return wx, wy, nz + lean * sine
 
 
 @njit
-def touch_rates(p, v, q, board, before, sigma, lean, below, radius, limit, out):
-    """Correct the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust) for an aligned contact.
+def align(p, v, q, board, sigma, lean, previous, g, out):
+    """Correct the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust). True if it changed them.
 
-    `p`, `v` (3,) world, `q` (4,) world from body; `board` (8,) the board now; `before` (2,) rates asked a step
-    earlier, rad/s; `sigma` m of the board's surface along its normal; `lean`: rad that the wanted axis leans up a
-    vertical slope, less up others; `below`, `radius` the disc of the contact criterion, m; `limit` of the rates, rad/s.
+    `p`, `v` (3,) world, `q` (4,) world from body; `board` (8,) the board now; `sigma` m of the board's surface along
+    its normal; `lean` rad up a vertical slope; `previous` (4,) the command flown last; `g` (gp.COUNT,) parameters.
     """
     zx, zy, zz = body_z(q)
-    height, closing, cosine, beside = approach(p, v, zx, zy, zz, board, below, radius)
-    if closing < SLOWEST or cosine < FACING or beside > BESIDE * BESIDE:
-        return
-    left = (height - min(MOST, UNSURE * sigma)) / closing
-    if left > FROM:
-        return
+    height, closing, cosine, beside = approach(p, v, zx, zy, zz, board, g[gp.BELOW], g[gp.RADIUS])
+    offset = g[gp.ALIGN_OFFSET]
+    if closing < g[gp.ALIGN_CLOSING] or cosine < g[gp.ALIGN_COSINE] or beside > offset * offset:
+        return False
+    left = (height - min(g[gp.ALIGN_EARLIEST], g[gp.ALIGN_SIGMAS] * sigma)) / closing
+    if left > g[gp.ALIGN_WITHIN]:
+        return False
     left = max(0.0, left)
-    wx, wy, wz = wanted_axis(board, left, lean)
+    wx, wy, wz = wanted_axis(board, left, lean, g)
     off = rotate_back(q, zy * wz - zz * wy, zz * wx - zx * wz, zx * wy - zy * wx)
-    span = max(SHORTEST, left - LAG)
+    span = max(g[gp.ALIGN_SHORTEST], left - g[gp.RATE_LAG])
+    limit, band, changed = g[gp.RATE_MAX], g[gp.ALIGN_BAND], False
     for axis in range(2):
-        then = off[axis] - before[axis] * LAG - out[axis] * span
-        rate = out[axis] + (then - min(BAND, max(-BAND, then))) / span
-        out[axis] = min(limit, max(-limit, rate))
+        asked = out[axis]
+        then = off[axis] - previous[axis] * g[gp.RATE_LAG] - asked * span
+        excess = then - min(band, max(-band, then))
+        if excess != 0.0:
+            out[axis] = min(limit, max(-limit, asked + excess / span))
+            changed = changed or out[axis] != asked
+    return changed

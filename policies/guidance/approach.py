@@ -1,4 +1,4 @@
-"""How the drone nears the board: what the laws of the last half second judge by."""
+"""How the vehicle approaches the board: the quantities that the conditions of the laws of guidance are about."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kernel.jit import njit
 @njit
 def approach(p, v, zx, zy, zz, board, below, radius):
     """How the underside's disc nears the board: height of its lowest point over the board's plane (m), closing speed of
-    the drone's centre (m/s), cosine between body z and normal, squared distance of the centre from the normal (m^2).
+    the vehicle's centre (m/s), cosine between body z and normal, squared distance of the centre from the normal (m^2).
 
     `below`, `radius`: the disc of the contact criterion, m; `p`, `v` (3,) world;
     (zx, zy, zz) body z; `board` (8,) the board now.

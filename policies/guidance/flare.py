@@ -1,11 +1,9 @@
-"""The last moment to flare: body rates that bring a drone round in time which has begun to turn too late.
+"""Time-to-go flare: the last moment to begin the turn onto a steep board.
 
-A board of 70 deg is met after a turn by more than that in half a second, at rates near the limit in the end. Who turns
-gently for too long, for want of thrust to brake with, then touches before the turn is done. So the time to contact is
-foretold with all thrust braking, and when the turn that is left needs LATEST on average until then, it gets just that.
-Before that moment nothing changes.
-
-The planner calls this kernel; `network_touch.py` says the same in torch, so that an exported network carries it.
+A board of 70 deg is met after a turn by more than that in half a second, at body rates near the limit. A vehicle that
+turns gently for too long, because it has little thrust to brake with, meets the board before the turn is complete. The
+time to contact is predicted with full braking thrust. When the rest of the turn needs the mean rate `flare_rate` until
+then, the flare asks for that rate. Before that moment nothing changes.
 """
 
 from __future__ import annotations
@@ -14,41 +12,41 @@ import math
 
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
-from policies.guidance.alignment import LAG, wanted_axis
+from policies.guidance import params as gp
+from policies.guidance.alignment import wanted_axis
 from policies.guidance.approach import approach
 from vehicle.quadrotor.airframe import GRAVITY
 
-LATEST = 3.4  # rad/s on average
-WITHIN = 0.5  # s to contact
-SHORTEST_TURN = 0.04  # s, of which the average is taken at least
-ASIDE = 0.6  # m from the board's centre along its surface
-CLOSING = 0.5  # m/s towards the board at least
-
 
 @njit
-def late_flare(p, v, q, board, before, strongest, lean, below, radius, limit, out):
-    """Raise the roll and pitch rate of `out` ((4,): body rate FLU rad/s, thrust) if it is the last moment for it.
+def flare(p, v, q, board, lean, previous, gain, g, out):
+    """Set the roll and pitch rate of `out` ((4,)) if it is the last moment for the turn. True if it changed them.
 
-    Arguments as of `touch_attitude.touch_rates`; `strongest`: the most thrust that the drone really gives, m/s^2.
+    Arguments as of `alignment.align`; `gain`: achieved over asked thrust.
     """
     zx, zy, zz = body_z(q)
-    centre, closing, cosine, aside = approach(p, v, zx, zy, zz, board, 0.0, 0.0)
-    height = centre - below - radius * lean * math.sin(board[6])  # the disc's, once it is aligned
-    if height <= 0.0 or closing < CLOSING or cosine < 0.0 or aside > ASIDE * ASIDE:
-        return
-    brake = 0.5 * strongest * (1.0 + cosine) - GRAVITY * math.cos(board[6])
+    centre, closing, cosine, beside = approach(p, v, zx, zy, zz, board, 0.0, 0.0)
+    # The contact disc as it lies once body z is aligned.
+    height = centre - g[gp.BELOW] - g[gp.RADIUS] * lean * math.sin(board[6])
+    offset = g[gp.FLARE_OFFSET]
+    if height <= 0.0 or closing < g[gp.FLARE_CLOSING] or cosine < 0.0 or beside > offset * offset:
+        return False
+    brake = 0.5 * gain * g[gp.THRUST_MAX] * (1.0 + cosine) - GRAVITY * math.cos(board[6])
     stopping = closing * closing - 2.0 * brake * height
     if stopping <= 0.0:
-        return
+        return False
     left = 2.0 * height / (closing + math.sqrt(stopping))
-    if left > WITHIN:
-        return
-    wx, wy, wz = wanted_axis(board, left, lean)
+    if left > g[gp.FLARE_WITHIN]:
+        return False
+    wx, wy, wz = wanted_axis(board, left, lean, g)
     ox, oy, oz = zy * wz - zz * wy, zz * wx - zx * wz, zx * wy - zy * wx
     sine = math.sqrt(ox * ox + oy * oy + oz * oz)
     scale = math.atan2(sine, zx * wx + zy * wy + zz * wz) / max(sine, 1e-6)
     off = rotate_back(q, scale * ox, scale * oy, scale * oz)
-    span = max(SHORTEST_TURN, left - LAG)
-    roll, pitch = (off[0] - before[0] * LAG) / span, (off[1] - before[1] * LAG) / span
-    if roll * roll + pitch * pitch > LATEST * LATEST:
-        out[0], out[1] = min(limit, max(-limit, roll)), min(limit, max(-limit, pitch))
+    lag, span = g[gp.RATE_LAG], max(g[gp.FLARE_SHORTEST], left - g[gp.RATE_LAG])
+    roll, pitch = (off[0] - previous[0] * lag) / span, (off[1] - previous[1] * lag) / span
+    if roll * roll + pitch * pitch <= g[gp.FLARE_RATE] * g[gp.FLARE_RATE]:
+        return False
+    limit, before = g[gp.RATE_MAX], (out[0], out[1])
+    out[0], out[1] = min(limit, max(-limit, roll)), min(limit, max(-limit, pitch))
+    return out[0] != before[0] or out[1] != before[1]

@@ -10,16 +10,11 @@ against normal) that an MLP of this size approximates poorly near contact. They 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import torch
 from torch import Tensor, nn
 
-from policies.network.regimes import REGIMES, regime_shares
-from policies.network.soft import softened_action
-from policies.network.touch import aligned_action, flared_action, lean_everywhere, relative_velocity, seen_poorly
 from policies.task import entry_row, tail_row
 from policies.task.observation import HISTORY, NEWEST, TAIL, USUAL_DRAG
 from policies.task.symmetry import ACTION_SIGNS, OBSERVATION_SIGNS
@@ -37,25 +32,15 @@ TAIL_SHIFT = (0.0,) * tail_row.GAIN + (1.0, USUAL_DRAG, 0.0)
 class NetworkConfig:
     """Architecture and the paper's ablations. `temporal` False is PerchRL w/o TA: no TCN, no future for the critic.
 
-    `mirrored`: the actor is asked about its observation and about the mirror image of it, and does the mean of both:
-    right and left are the same to it. `aligned`: its rates are corrected for an aligned contact, `lean` rad up
-    a vertical slope (`touch_attitude.py`), and for a flare begun too late (`late_flare.py`); where the surface is seen
-    poorly, `lean_unsure` rad more up any slope: thrust then holds against the pull along it, and a contact too early or
-    too late skids less. `soft`: m/s that thrust brakes to before contact, where more is not needed (`network_soft.py`);
-    0: it does not. `regimes`: its last layer is one of several, blended by how steep the board is, how far and
-    how well it is seen (`network_regimes.py`).
+    `symmetric`: reflection symmetry. The actor evaluates its observation and the reflected observation in one batch and
+    answers the mean of both actions, the second reflected back: left and right are the same to it.
     """
 
     temporal: bool = True
     geometry: bool = True
-    mirrored: bool = False
-    aligned: bool = False
-    lean: float = 0.0
-    lean_unsure: float = 0.0
-    soft: float = 0.0
-    regimes: bool = False
-    channels: tuple[int, int, int] = (24, 32, 48)
-    width: int = 128
+    symmetric: bool = True
+    channels: tuple[int, int, int] = (48, 64, 96)
+    width: int = 256
     log_std: float = -1.2
 
     def __post_init__(self) -> None:
@@ -63,9 +48,6 @@ class NetworkConfig:
             raise ValueError(
                 f"channels are {self.channels}, width is {self.width}; give three sizes, then one, all positive"
             )
-        for name in ("lean", "lean_unsure", "soft"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)}; give a finite number that is not negative")
 
     def data(self) -> dict:
         """As plain data, for a checkpoint."""
@@ -92,15 +74,19 @@ class Tcn(nn.Module):
         self.act = nn.ELU()
 
     def forward(self, history: Tensor) -> Tensor:
-        x = self.act(self.first(history.reshape(-1, 6, 5 * entry_row.DIM)))
-        x = self.act(self.second(x.reshape(-1, 3, 2 * x.shape[-1])))
-        return self.act(self.third(x.reshape(-1, 3 * x.shape[-1])))
+        x = self.act(
+            self.first(history.reshape(-1, 5 * entry_row.DIM))
+        )  # two axes only: the file keeps the weights' names
+        x = self.act(self.second(x.reshape(-1, 2 * x.shape[1])))
+        return self.act(self.third(x.reshape(-1, 3 * x.shape[1])))
 
 
 def geometry(newest: Tensor, tail: Tensor) -> Tensor:
     """(B, GEOMETRY_DIM) products of the newest entry (physical units) and the tail; see the module's text."""
     p, n = newest[:, 0:3], newest[:, 3:6]
-    v = relative_velocity(newest, tail)
+    v = tail[:, tail_row.V : tail_row.V + 3] - newest[:, 6:9] * newest.new_tensor(
+        [1.0, 1.0, 0.0]
+    )  # a board has none upwards
     z = tail[:, [tail_row.R + 2, tail_row.R + 5, tail_row.R + 8]]
     along, closing = (p * n).sum(1, keepdim=True), (v * n).sum(1, keepdim=True)
     across, sliding = p - along * n, v - closing * n
@@ -155,10 +141,9 @@ class Actor(nn.Module):
 
     observation_signs: Tensor
     action_signs: Tensor
-    lean: Tensor
-    lean_unsure: Tensor
-    soft: Tensor
     future_signs: Tensor
+    reflections: Tensor
+    reflected_back: Tensor
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -166,57 +151,32 @@ class Actor(nn.Module):
         self.register_buffer("observation_signs", torch.tensor(OBSERVATION_SIGNS), persistent=False)
         self.register_buffer("action_signs", torch.tensor(ACTION_SIGNS), persistent=False)
         self.register_buffer("future_signs", torch.tensor((1.0, -1.0) * len(FORESEEN)), persistent=False)
-        if config.aligned:  # with the weights: an exported file keeps it
-            self.register_buffer("lean", torch.tensor([config.lean]))
-            if config.lean_unsure:
-                self.register_buffer("lean_unsure", torch.tensor([config.lean_unsure]))
-        if config.soft:
-            self.register_buffer("soft", torch.tensor([config.soft]))
+        sides = torch.stack([torch.ones_like(self.observation_signs), self.observation_signs])
+        back = 0.5 * torch.stack([torch.ones_like(self.action_signs), self.action_signs])
+        self.register_buffer("reflections", sides, persistent=False)  # (2, OBS_DIM)
+        self.register_buffer("reflected_back", back, persistent=False)  # (2, 4): of both actions the mean
         self.trunk = Trunk(config, 0)
-        self.head = nn.Linear(config.width, 4 * REGIMES if config.regimes else 4)
+        self.head = nn.Linear(config.width, 4)
         self.foresight = nn.Linear(config.width, 2 * len(FORESEEN))
         self.log_std = nn.Parameter(torch.full((4,), config.log_std))
         nn.init.uniform_(self.head.weight, -0.01, 0.01)
         nn.init.zeros_(self.head.bias)
 
-    def forward(self, observation: Tensor, head: Callable[[Tensor], Tensor] | None = None) -> Tensor:
-        """The mean action; `head` in place of the actor's own, from features (B, width) to what that gives."""
-        head, shares = head or self.head, self.shares(observation)
-        if self.config.mirrored:  # at once: in flight it is the operations that take time, not the numbers
-            both = self.trunk(torch.cat([observation, observation * self.observation_signs]))
-            seen, reflected = (_blended(head(features), shares) for features in both.chunk(2))
-            action = 0.5 * (seen + self.action_signs * reflected)
-        else:
-            action = _blended(head(self.trunk(observation)), shares)
-        newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
-        if self.config.aligned:
-            lean = self.lean
-            if self.config.lean_unsure:
-                lean = lean + self.lean_unsure * seen_poorly(tail) * lean_everywhere(newest)
-            action = flared_action(newest, tail, aligned_action(newest, tail, action, lean), lean)
-        return softened_action(newest, tail, action, self.soft) if self.config.soft else action
-
-    def shares(self, observation: Tensor) -> Tensor:
-        """How much each of the last layer's regimes counts, (B, REGIMES) or, if it has none, (B, 1) ones."""
-        if not self.config.regimes:
-            return torch.ones_like(observation[:, :1])
-        return regime_shares(observation)
+    def forward(self, observation: Tensor) -> Tensor:
+        """The mean action."""
+        if not self.config.symmetric:
+            return self.head(self.trunk(observation))
+        both = (observation[:, None] * self.reflections).reshape(-1, observation.shape[1])
+        return (self.head(self.trunk(both)).reshape(-1, 2, 4) * self.reflected_back).sum(1)
 
     def with_foresight(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """The mean action, and where the board will be ((B, 2 * len(FORESEEN)), m): a training aid."""
+        """For imitation: the action without the reflection, and where the board will be (B, 2 * len(FORESEEN)), m."""
         features = self.trunk(observation)
-        return _blended(self.head(features), self.shares(observation)), self.foresight(features)
+        return self.head(features), self.foresight(features)
 
     def log_prob(self, mean: Tensor, action: Tensor) -> Tensor:
         """Log density (B,) of unclipped actions."""
         return torch.distributions.Normal(mean, self.log_std.exp()).log_prob(action).sum(1)
-
-
-def _blended(actions: Tensor, shares: Tensor) -> Tensor:
-    """(B, 4) of one action for each regime (B, 4 * R) and their shares (B, R)."""
-    if shares.shape[1] == 1:
-        return actions
-    return (actions.reshape(-1, REGIMES, 4) * shares[:, :, None]).sum(1)
 
 
 class Critic(nn.Module):

@@ -1,21 +1,26 @@
-"""Torch weights to the ONNX file that flies, its contract in the metadata."""
+"""Torch weights to the ONNX file that flies, its contract in the metadata; and back, to train on."""
 
 from __future__ import annotations
 
 import io
+import json
 import warnings
 from pathlib import Path
 
 import numpy as np
 import onnx
 import torch
+from onnx import numpy_helper
 
-from policies.flying.contract import METADATA_KEY, Contract, ContractError, open_policy
-from policies.network.actor_critic import Actor, FlightActor
+from policies.flying.contract import METADATA_KEY, Contract, ContractError, check_contract, open_policy
+from policies.network.actor_critic import Actor, FlightActor, NetworkConfig
 from policies.task.observation import OBS_DIM
 
+NETWORK_KEY = "perch_hil_network"  # metadata: the network's configuration as JSON
+_PREFIX = "actor."  # of the weights' names in the file
+_SAME = 1e-3  # of actions on random observations
 MAX_BYTES = 2_000_000
-TOLERANCE = 1e-5
+TOLERANCE = 1e-4  # of actions in [-1, 1]: the same sums in another order, in single precision
 _COMPARED = 256  # observations at most
 
 
@@ -24,8 +29,8 @@ def export(actor: Actor, contract: Contract, path: str | Path, observations: np.
 
     `observations` ((N, OBS_DIM) float32) are what they are compared on; without any, random numbers.
 
-    Raises ContractError if a weight is not finite, ONNX and torch disagree by more than 1e-5, or the file is over 2 MB;
-    the old file is kept then.
+    Raises ContractError if a weight is not finite, ONNX and torch disagree by more than TOLERANCE, or the file is over
+    2 MB; the old file is kept then.
     """
     path = Path(path)
     if not all(bool(torch.isfinite(value).all()) for value in actor.state_dict().values()):
@@ -45,7 +50,8 @@ def export(actor: Actor, contract: Contract, path: str | Path, observations: np.
             dynamo=False,
         )
     model = onnx.load_from_string(buffer.getvalue())
-    onnx.helper.set_model_props(model, {METADATA_KEY: contract.model_dump_json()})
+    described = {METADATA_KEY: contract.model_dump_json(), NETWORK_KEY: json.dumps(actor.config.data())}
+    onnx.helper.set_model_props(model, described)
     data = model.SerializeToString()
     if len(data) > MAX_BYTES:
         raise ContractError(
@@ -80,3 +86,31 @@ def compare(flight: FlightActor, path: Path, observations: np.ndarray | None = N
         wanted = flight(torch.from_numpy(observation)).numpy()
     got = np.concatenate([session.run(None, {"observation": row[None]})[0] for row in observation])
     return float(np.abs(got - wanted).max())
+
+
+def import_actor(path: Path) -> tuple[Actor, Contract]:
+    """The actor of a policy that `export` wrote, and its contract.
+
+    What only training used is not in the file: the head that foretells the board, and the exploration noise, begin
+    anew, from the same numbers each time, so that a training run is repeated by its seed.
+
+    Raises ContractError for a file that could not be flown, or whose network this version cannot build.
+    """
+    session, contract = open_policy(path)
+    check_contract(contract)
+    described = session.get_modelmeta().custom_metadata_map.get(NETWORK_KEY)
+    if described is None:
+        raise ContractError(f"{path} does not describe its network: it can be a teacher, not a parent")
+    arrays = {each.name: numpy_helper.to_array(each) for each in onnx.load(path).graph.initializer}
+    weights = {k.removeprefix(_PREFIX): torch.tensor(v) for k, v in arrays.items() if k.startswith(_PREFIX)}
+    try:
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(0)
+            actor = Actor(NetworkConfig.of(json.loads(described)))
+        actor.load_state_dict({**actor.state_dict(), **weights})
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ContractError(f"{path} holds a network that this version does not know ({reason})") from None
+    if not compare(FlightActor(actor), path) <= _SAME:
+        raise ContractError(f"{path} computes something else than its weights tell")
+    return actor, contract

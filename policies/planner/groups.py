@@ -55,7 +55,6 @@ class Terminal:
     lag: float = 0.02  # s during which the old thrust still acts
     sigmas: float = 3.0  # sigmas by which the surface is also tried nearer and farther, at half of the weight
     no_contact: float = 9.0  # cost of no contact with the surface there
-    lean: float = 0.1  # rad up a vertical slope from normal to body z, wanted by terminal attitude alignment
 
 
 @dataclass(frozen=True)

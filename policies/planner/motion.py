@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from kernel.jit import njit
 from kernel.rotations import body_z
-from policies.guidance.alignment import touch_rates
-from policies.guidance.flare import late_flare
+from policies.estimation.own_state import WAIT
 from policies.planner import params_row as pp
 from policies.planner import polynomial as poly
 from policies.planner.contact_thrust import contact_thrust
@@ -13,18 +12,17 @@ from policies.planner.follow import face
 from policies.planner.tracking import track_force
 from vehicle.quadrotor.airframe import GRAVITY
 
-WAIT = 0.01  # s from a command to its effect on the motors
 _C = poly.COEFFICIENTS
 
 
 @njit
-def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, given, before, sigma, params, out):
+def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, given, sigma, params, out):
     """Fill `out` (4,): body rate FLU (rad/s), collective thrust (m/s^2).
 
     `m` (MOTION_DIM,): the motion, begun `since` s ago; it ends at contact after `duration` s, in `left` s. `p`, `v`
     (3,) world, `q` (4,) world from body; `board` (8,) the board now, `acceleration` m/s^2 its own along its heading;
-    `gain` achieved over commanded thrust, `given` m/s^2 the thrust of the motors now; `before` (2,) rates commanded
-    last, rad/s; `sigma` m of the board's surface along its normal.
+    `gain` achieved over commanded thrust, `given` m/s^2 the thrust of the motors now; `sigma`
+    m of the board's surface along its normal.
     """
     now = min(duration, since)
     fade = min(1.0, max(0.0, left / max(params[pp.tracking.fade], 1e-6)))
@@ -59,7 +57,3 @@ def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, giv
     if left < params[pp.terminal.start]:
         thrust = contact_thrust(p, v, zx, zy, zz, board, acceleration, left, thrust, given, gain, sigma, params)
     track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, params, out)
-    below, radius = params[pp.vehicle.contact_below], params[pp.vehicle.contact_radius]
-    lean, limit = params[pp.terminal.lean], params[pp.vehicle.rate_max]
-    touch_rates(p, v, q, board, before, sigma, lean, below, radius, limit, out)
-    late_flare(p, v, q, board, before, gain * params[pp.vehicle.thrust_max], lean, below, radius, limit, out)

@@ -9,14 +9,14 @@ from __future__ import annotations
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.estimation import thrust_row
+from policies.estimation.own_state import WAIT
 from policies.estimation.thrust_drag import gain_reset, gain_update
-from policies.guidance.alignment import touch_rates
 from policies.planner import estimate_row, phases, state_row
 from policies.planner import params_row as pp
 from policies.planner.decide import decide, leave, planner_due
 from policies.planner.follow import climb_away, follow, hold
 from policies.planner.glide import glide
-from policies.planner.motion import WAIT, fly_motion
+from policies.planner.motion import fly_motion
 from policies.planner.runup import fly_runup, runs_up, runup_time
 from policies.planner.search import MOTION_DIM
 from policies.prediction import oscillation_row, speeds_row
@@ -41,13 +41,10 @@ def planner_reset(state, t):
 @njit
 def _fly_glide(state, t, p, v, q, board, estimate, params, out):
     """Fly the glide; after a miss begin to climb away."""
-    gain, before = state[state_row.GAIN + thrust_row.GAIN], state[state_row.ASKED : state_row.ASKED + 2]
-    age, sigma = estimate[estimate_row.AGE], estimate[estimate_row.SURFACE]
+    age, gain = estimate[estimate_row.AGE], state[state_row.GAIN + thrust_row.GAIN]
     if glide(p, v, q, board, state[state_row.ACCELERATION], age, gain, params, out):
         state[state_row.PHASE] = leave(state, t, params)
         state[state_row.MISSES] += 1.0
-    lean, below, radius = params[pp.terminal.lean], params[pp.vehicle.contact_below], params[pp.vehicle.contact_radius]
-    touch_rates(p, v, q, board, before, sigma, lean, below, radius, params[pp.vehicle.rate_max], out)
 
 
 @njit
@@ -98,10 +95,10 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
             state[state_row.BEGUN],
             state[state_row.CONTACT],
         )
-        given, before = gain * state[state_row.GAIN + thrust_row.LAGGED], state[state_row.ASKED : state_row.ASKED + 2]
+        given = gain * state[state_row.GAIN + thrust_row.LAGGED]
         fly_motion(
             motion, t - begun, contact - begun, contact - t, p, v, q, board, state[state_row.ACCELERATION], gain, given,
-            before, estimate[estimate_row.SURFACE], params, out,
+            estimate[estimate_row.SURFACE], params, out,
         )  # fmt: skip
     state[state_row.ASKED : state_row.ASKED + 4] = out
     return phase

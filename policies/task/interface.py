@@ -1,4 +1,4 @@
-"""Interface of a policy: views of vehicle and board in, one command out."""
+"""What anything that flies is given and answers: views of vehicle and board in, one command out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Vec3 = tuple[float, float, float]
 
 
 class VehicleView(Protocol):
-    """The vehicle's own estimate (fields of hil.contract.messages.VehicleState); world ENU, body FLU."""
+    """The vehicle's own estimate (hil.contract.messages.VehicleState has these)."""
 
     @property
     def stamp_ns(self) -> int: ...
@@ -23,7 +23,7 @@ class VehicleView(Protocol):
 
 
 class BoardView(Protocol):
-    """The belief about the board, predicted to now (fields of hil.contract.messages.Belief)."""
+    """The belief about the board, predicted to now (hil.contract.messages.Belief has these)."""
 
     @property
     def stamp_ns(self) -> int: ...
@@ -54,21 +54,32 @@ class BoardView(Protocol):
 
 
 class Command(NamedTuple):
-    """Output of one step: body rate rad/s (FLU), collective thrust m/s^2; the driver hovers unless `engaged`."""
+    """One tick's answer: body rate rad/s (FLU), collective thrust m/s^2; not `engaged`: the driver keeps its hover.
+
+    `asked_*`: what the policy asked before guidance, `laws` which laws of guidance acted (bits of
+    `policies/guidance/guide.py`); without guidance they are absent.
+    """
 
     engaged: bool
     body_rate: Vec3
     thrust: float
     phase: str
     thrust_gain: float
+    asked_rate: Vec3 | None = None
+    asked_thrust: float | None = None
+    laws: int = 0
 
 
 class FlyingPolicy(Protocol):
-    """A policy: belief and odometry in, commands out, at control steps of 100 Hz.
+    """Anything that turns belief and odometry into commands, at ticks of 100 Hz.
 
-    It is also stepped between control steps, when a detection has updated the belief, with the last step's odometry.
+    It is stepped between ticks too, as soon as a picture has told something new, with the odometry of the last tick.
     """
 
     def reset(self, now_ns: int) -> None: ...
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command: ...
+
+    def flown(self, body_rate: Vec3, thrust: float) -> None:
+        """What guidance made of the command last answered, if it changed it (rad/s FLU, m/s^2)."""
+        ...

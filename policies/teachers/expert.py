@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from kernel.jit import njit
 from kernel.rotations import body_z
+from policies.environment import episode_row
 from policies.environment.config import TICK
-from policies.environment.rows import S_STEP
 from policies.planner import polynomial as poly
 from policies.planner.follow import face
 from policies.planner.tracking import track_force
@@ -74,7 +74,7 @@ def expert_step(rows, i, row, board, future, step, gain, e, planner, out):
     vehicle and the gains of the attitude loop.
     """
     vehicle, params, state = rows.vehicle[i], rows.params[i], rows.state[i]
-    t = state[S_STEP] * TICK
+    t = state[episode_row.STEP] * TICK
     drag = params[airframe_row.DRAG] / params[airframe_row.MASS]
     left = row[expert_row.CONTACT] - t
     frozen = row[expert_row.READY] > 0.0 and -e[AT.overdue] < left < e[AT.freeze]

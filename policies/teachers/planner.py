@@ -12,16 +12,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from kernel.jit import njit, prange
-from policies.environment.config import C_VISION, TICK
+from policies.environment import config_row, episode_row
+from policies.environment.config import TICK
 from policies.environment.env import Env
-from policies.environment.rows import S_COMMAND, S_STEP, X_P, X_Q, X_V
+from policies.environment.observe import shown_odometry
 from policies.estimation import belief_state, thrust_row
 from policies.planner import estimate_row, phases, state_row
 from policies.planner.estimate import certain, estimate_from_belief
 from policies.planner.learned_planner import MEMORY_DIM, planner_on_learned
 from policies.planner.planner import planner_on_estimate, planner_reset
 from policies.planner.policy import planner_params
-from policies.planner.runup import runs_up
 from policies.prediction import scratch_row
 from policies.prediction.future import HORIZON, STEP
 from policies.prediction.learned import load_predictor
@@ -29,7 +29,6 @@ from policies.task.observation import action_from_command
 
 _LAG = 5  # control steps over which the true board's acceleration is taken
 ANALYTIC, LEARNED = 0, 1  # which predictor is used
-BELIEF = "belief"  # what a planner that teaches knows, as a recipe says it
 
 # A student's plan never gets as cheap as the planner's own, so the teacher commits at a higher cost. A student also
 # turns up late: it leans 0.05 rad more than it is shown, over steep boards of oscillating speed 0.1.
@@ -46,11 +45,11 @@ _WORK_DIM = _COMMAND + 4
 @njit
 def _board_now(rows, i, shared, now, x, covariance, estimate):
     """What is known of the board: state and acceleration into `x` (8,), how well into `estimate`."""
-    if shared.config[C_VISION] > 0.0:
+    if shared.config[config_row.VISION] > 0.0:
         estimate_from_belief(rows.belief[i], now, shared.belief, x, covariance, estimate)
         return
     certain(estimate)
-    step = int(rows.state[i, S_STEP])
+    step = int(rows.state[i, episode_row.STEP])
     x[:] = rows.track[i, step]
     lag = min(_LAG, step)
     x[7] = (rows.track[i, step, 4] - rows.track[i, step - lag, 4]) / (lag * TICK) if lag > 0 else 0.0
@@ -63,23 +62,23 @@ def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratc
     `state` (state_row.DIM,), `memory` (predictor_planner.MEMORY_DIM,) are the row's planner; `work`, `future`
     ((HORIZON, 8)), `scratch` are scratch. `source`: where the future comes from.
     """
-    now = rows.state[i, S_STEP] * TICK
+    now = rows.state[i, episode_row.STEP] * TICK
     if fresh:
         planner_reset(state, now)
         memory[:] = 0.0
-        state[state_row.GAIN : state_row.GAIN + thrust_row.DIM] = rows.gain[
-            i
-        ]  # the hover before the episode has shown it
-        state[state_row.ASKED : state_row.ASKED + 4] = rows.state[i, S_COMMAND : S_COMMAND + 4]
+        state[state_row.GAIN : state_row.GAIN + thrust_row.DIM] = rows.gain[i]  # estimated in the hover before
+    # The thrust gain is what the vehicle gives for the command that it flew, whatever policy asked for it.
+    flown = episode_row.COMMAND
+    state[state_row.ASKED : state_row.ASKED + 4] = rows.state[i, flown : flown + 4]
     x, estimate = work[_BOARD : _BOARD + 8], work[_ESTIMATE : _ESTIMATE + estimate_row.DIM]
-    command, own = work[_COMMAND : _COMMAND + 4], rows.scratch[i]
+    command = work[_COMMAND : _COMMAND + 4]
     _board_now(rows, i, shared, now, x, work[_COVARIANCE:_ESTIMATE], estimate)
-    p, v, q = own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4]
+    p, v, q = shown_odometry(rows.scratch[i])
     if source == LEARNED:
         planner_on_learned(state, memory, now, p, v, q, x, estimate, future, STEP, params, net, scratch, command)
     else:
         planner_on_estimate(state, now, p, v, q, x, estimate, future, STEP, params, command)
-    action_from_command(command, out)
+    action_from_command(command, shared.limits, out)
 
 
 @njit(parallel=True)
@@ -136,10 +135,9 @@ class PlannerTeacher:
     It knows what the student is told and no more, so that no label depends on what the student cannot know.
     """
 
-    def __init__(self, env: Env, run_up: Mapping[str, float] | None = None) -> None:
-        """`run_up`: changes of what it does over steep boards, see `PlannerParams.steep`."""
+    def __init__(self, env: Env) -> None:
         self._env = env
-        self._planner = PlannerInEnv(LEARNED, _TEACHING, {**_TEACHING_STEEP, **(run_up or {})})
+        self._planner = PlannerInEnv(LEARNED, _TEACHING, _TEACHING_STEEP)
         self._planner.begin(env)
         self.remaining = np.full(env.config.count, np.inf)
 
@@ -152,19 +150,11 @@ class PlannerTeacher:
         self._planner.states[:], self._planner.first = state["states"], False
         self._planner.memories[:] = state["memories"]
 
-    def runs_up(self) -> np.ndarray:
-        """(N,) bool: which boards, as last seen by `act`, take a run-up."""
-        boards, params = self._planner.works[:, _BOARD : _BOARD + 8], self._planner.params
-        return np.array([runs_up(board, params) for board in boards])
-
     def act(self) -> np.ndarray:
         """The actions ((N, 4) in [-1, 1], overwritten by the next call); `remaining` gets the s to each contact."""
         states = self._planner.states
-        commanded = self._env.rows.state[:, S_COMMAND : S_COMMAND + 4]
-        # The thrust gain is what the vehicle gives for the command that it flew, be it the teacher's or the student's.
-        states[:, state_row.ASKED : state_row.ASKED + 4] = commanded
         actions = self._planner(self._env)
         bound = np.isin(states[:, state_row.PHASE], (phases.COMMIT, phases.TERMINAL))
-        left = states[:, state_row.CONTACT] - self._env.rows.state[:, S_STEP] * TICK
+        left = states[:, state_row.CONTACT] - self._env.rows.state[:, episode_row.STEP] * TICK
         self.remaining[:] = np.where(bound, left, np.inf)
         return actions

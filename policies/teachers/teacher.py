@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from kernel.jit import njit, prange
+from policies.environment import episode_row
 from policies.environment.config import TICK
 from policies.environment.env import Env, fill_future
 from policies.environment.observe import true_gain
-from policies.environment.rows import S_STEP
 from policies.planner.policy import planner_params
 from policies.prediction.future import HORIZON, STEP
 from policies.task.observation import action_from_command
@@ -25,14 +25,14 @@ def teach_row(rows, i, shared, plan, future, expert, planner, command, out):
 
     `plan` (expert_row.DIM,); `future` (HORIZON, 8) and `command` (4,) are scratch.
     """
-    now = rows.state[i, S_STEP] * TICK
+    now = rows.state[i, episode_row.STEP] * TICK
     if rows.done[i] == 1:
         plan[:] = 0.0
-    board, gain = rows.track[i, int(rows.state[i, S_STEP])], true_gain(rows, i, shared)
+    board, gain = rows.track[i, int(rows.state[i, episode_row.STEP])], true_gain(rows, i, shared)
     if expert_due(plan, now):
         fill_future(rows, i, _TICKS, future)
     expert_step(rows, i, plan, board, future, STEP, gain, expert, planner, command)
-    action_from_command(command, out)
+    action_from_command(command, shared.limits, out)
     return plan[expert_row.CONTACT] - now if plan[expert_row.READY] > 0.0 else np.inf
 
 

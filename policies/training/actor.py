@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from policies.environment.config import EnvConfig
-from policies.flying.contract import CameraContract, Contract, ObservationContract, Provenance
+from policies.flying.contract import Contract, ContractError, ObservationContract, Provenance
 from policies.network.actor_critic import Actor, NetworkConfig, normalisation
-from policies.network.export import export
-from policies.training.import_onnx import import_actor
+from policies.network.export import export, import_actor
+from policies.training.learners.learner import Learner
 from policies.training.learners.storage import TrainingError, commit_id, load_checkpoint, save_checkpoint
 from policies.training.recipe import Recipe
 from vehicle.quadrotor.airframe import load_airframe
@@ -20,7 +19,11 @@ POLICY, ACTOR = "policy.onnx", "actor.pt"
 def load_actor(path: Path) -> tuple[Actor, dict]:
     """The actor of a run (its folder or file) or of an exported policy, and its provenance. Raises TrainingError."""
     if path.suffix == ".onnx":
-        return import_actor(path)
+        try:
+            actor, contract = import_actor(path)
+        except ContractError as error:
+            raise TrainingError(str(error)) from None
+        return actor, {**contract.provenance.model_dump(), "name": contract.name}
     path = path / ACTOR if path.is_dir() else path
     data = load_checkpoint(path)
     if not {"actor", "network", "provenance"} <= data.keys():
@@ -36,14 +39,13 @@ def load_actor(path: Path) -> tuple[Actor, dict]:
 
 def contract_for(env: EnvConfig, name: str, provenance: Provenance) -> Contract:
     """What a policy trained in `env` promises."""
-    mount = load_airframe(env.airframe).camera
     shift, scale = normalisation()
-    return Contract(
+    return Contract.of(
+        load_airframe(env.airframe),
         name=name,
         stage=env.stage,  # type: ignore[arg-type]
-        airframe=env.airframe,
         observation=ObservationContract(stride=env.stride),
-        camera=CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg)),
+        guidance=env.guidance,
         provenance=provenance,
         shift=shift,
         scale=scale,
@@ -51,21 +53,17 @@ def contract_for(env: EnvConfig, name: str, provenance: Provenance) -> Contract:
 
 
 def keep_actor(
-    out_dir: Path, plan: Recipe, stage: str, seed: int, env: EnvConfig, learner, samples: int, ancestor: dict
-):
+    out_dir: Path, recipe: Recipe, seed: int, env: EnvConfig, learner: Learner, samples: int, ancestor: dict
+) -> None:
     """The averaged actor as torch and as ONNX, with where it comes from."""
     origin = Provenance(
-        recipe=plan.name,
-        seed=seed,
-        samples=samples,
-        commit=commit_id(),
-        parent=ancestor.get("name", ""),
+        recipe=recipe.name, seed=seed, samples=samples, commit=commit_id(), parent=ancestor.get("name", "")
     )
-    name = f"{plan.name}-{stage}-{seed}"
+    name = "-".join(dict.fromkeys((recipe.name, env.stage, Path(env.airframe).stem, str(seed))))
     weights = {k: v.cpu() for k, v in learner.average.state_dict().items()}
     config = learner.actor.config
-    origin_data = {**origin.model_dump(), "name": name, "stride": env.stride}
-    save_checkpoint(out_dir / ACTOR, {"actor": weights, "network": config.data(), "provenance": origin_data})
+    provenance = {**origin.model_dump(), "name": name}
+    save_checkpoint(out_dir / ACTOR, {"actor": weights, "network": config.data(), "provenance": provenance})
     actor = Actor(config)
     actor.load_state_dict(weights)
     export(actor, contract_for(env, name, origin), out_dir / POLICY, learner.env.rows.observation)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,15 +14,16 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from policies.environment.config import EnvConfig
 from policies.network.actor_critic import NetworkConfig
 from policies.task.contact import ContactRules
+from policies.task.observation import LAYOUT_NAME, LAYOUT_VERSION
 from policies.task.reward import RewardWeights
-from policies.training.learners.dagger import DaggerConfig
-from policies.training.learners.layer_fit import LayerFitConfig
-from policies.training.learners.pgpe import PgpeConfig
-from policies.training.learners.ppo import PpoConfig
+from policies.training.learners.dagger import Dagger, DaggerConfig
+from policies.training.learners.ppo import Ppo, PpoConfig
 
 FOLDER = Path(__file__).with_name("recipes")
-_PHASES = {"dagger": DaggerConfig, "ppo": PpoConfig, "pgpe": PgpeConfig, "fit": LayerFitConfig}
-
+LAYOUT = f"{LAYOUT_NAME} {LAYOUT_VERSION}"
+_PHASES = {Dagger.name: DaggerConfig, Ppo.name: PpoConfig}
+_SCALED = ("samples", "teacher_fade", "critic_only")  # settings of a phase that `budget` multiplies
+_SECTIONS = ("env", "weights", "rules", "network")
 
 T = TypeVar("T")
 
@@ -40,19 +42,21 @@ class Phase(BaseModel):
     env: dict[str, Any] = Field(default_factory=dict)
     rules: dict[str, Any] = Field(default_factory=dict)
     weights: dict[str, Any] = Field(default_factory=dict)
-    teacher: dict[str, Any] = Field(default_factory=dict)
 
 
 class Recipe(BaseModel):
-    """A recipe file. `env`, `weights`, `rules`, `network` override defaults; `stage_*` override `env` by stage."""
+    """A recipe file. `env`, `weights`, `rules`, `network` override defaults; `budget` multiplies every phase's samples.
+
+    `layout`: name and version of the observation that its settings are meant for.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
     title: str
+    layout: str = LAYOUT
+    budget: float = Field(default=1.0, gt=0.0)
     env: dict[str, Any] = Field(default_factory=dict)
-    stage_state: dict[str, Any] = Field(default_factory=dict)
-    stage_vision: dict[str, Any] = Field(default_factory=dict)
     weights: dict[str, Any] = Field(default_factory=dict)
     rules: dict[str, Any] = Field(default_factory=dict)
     network: dict[str, Any] = Field(default_factory=dict)
@@ -60,8 +64,7 @@ class Recipe(BaseModel):
 
     def env_config(self, stage: str, seed: int, phase: Phase | None = None) -> EnvConfig:
         """The environment of a stage, as changed by a phase. Raises RecipeError."""
-        of_stage = self.stage_vision if stage == "vision" else self.stage_state
-        changes = {**self.env, **of_stage, **(phase.env if phase else {})}
+        changes = {**self.env, **(phase.env if phase else {})}
         rules = {**self.rules, **(phase.rules if phase else {})}
         weights = {**self.weights, **(phase.weights if phase else {})}
         config = _override(EnvConfig(stage=stage, seed=seed), changes, f"recipe {self.name}: env")
@@ -75,17 +78,32 @@ class Recipe(BaseModel):
         """The network. Raises RecipeError."""
         return _override(NetworkConfig(), self.network, f"recipe {self.name}: network")
 
-    def phase_config(self, phase: Phase) -> DaggerConfig | PpoConfig | PgpeConfig | LayerFitConfig:
-        """The settings of a phase. Raises RecipeError."""
+    def phase_config(self, phase: Phase) -> DaggerConfig | PpoConfig:
+        """The settings of a phase, within the budget. Raises RecipeError."""
         if phase.kind not in _PHASES:
             raise RecipeError(f"recipe {self.name}: phase kind '{phase.kind}' is not one of {', '.join(_PHASES)}")
         config = _override(_PHASES[phase.kind](), phase.settings, f"recipe {self.name}: {phase.kind}")
-        if isinstance(config, PgpeConfig | LayerFitConfig):
-            if phase.teacher:
-                reason = f"phase kind '{phase.kind}' has no teacher to set; leave [phase.teacher] out"
-                raise RecipeError(f"recipe {self.name}: {reason}")
-            return config
-        return replace(config, teacher=_override(config.teacher, phase.teacher, f"recipe {self.name}: teacher"))
+        scaled = {k: round(self.budget * getattr(config, k)) for k in _SCALED if hasattr(config, k)}
+        return replace(config, **scaled)
+
+    def changed(self, changes: Sequence[str]) -> Recipe:
+        """The recipe with settings changed, `SECTION.KEY=VALUE` or `budget=VALUE`, values as in TOML.
+
+        Raises RecipeError.
+        """
+        data = self.model_dump()
+        for change in changes:
+            where, equals, text = change.partition("=")
+            section, dot, key = where.strip().partition(".")
+            try:
+                value = tomllib.loads(f"value = {text}")["value"]
+            except tomllib.TOMLDecodeError:
+                value = text.strip()
+            known = section in _SECTIONS if dot else section == "budget"
+            if not equals or not known:
+                raise RecipeError(f"'{change}': give budget=VALUE or SECTION.KEY=VALUE of {', '.join(_SECTIONS)}")
+            data = {**data, section: {**data[section], key: value} if dot else value}
+        return _checked(data, f"recipe {self.name}")
 
 
 def _override(config: T, changes: dict[str, Any], where: str) -> T:
@@ -137,14 +155,23 @@ def load_recipe(name: str | Path) -> Recipe:
             hint = f"; did you mean '{near[0]}'?" if near else ""
             raise RecipeError(f"there is no recipe '{name}': known are {', '.join(list_recipes())}{hint}")
     try:
-        recipe = Recipe.model_validate({"name": path.stem, **tomllib.loads(path.read_text())})
+        data = {"name": path.stem, **tomllib.loads(path.read_text())}
     except OSError as error:
         raise RecipeError(f"{path}: cannot be read ({error.strerror})") from None
     except tomllib.TOMLDecodeError as error:
         raise RecipeError(f"{path}: not valid TOML: {error}") from None
+    return _checked(data, str(path))
+
+
+def _checked(data: dict[str, Any], where: str) -> Recipe:
+    """A recipe of which every setting is known to fit. Raises RecipeError."""
+    try:
+        recipe = Recipe.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        raise RecipeError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise RecipeError(f"{where}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    if recipe.layout != LAYOUT:
+        raise RecipeError(f"{where}: made for observation layout {recipe.layout}, this version has {LAYOUT}")
     for phase in recipe.phase:
         recipe.phase_config(phase)
         recipe.env_config("state", 0, phase)

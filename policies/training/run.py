@@ -1,30 +1,28 @@
 """Training runs: recipe in, curve, checkpoints and a flyable ONNX file out.
 
-    run("state", "imitate", seed=1, out_dir=Path("training_runs/a"))            # from nothing
-    run("vision", "watch", seed=1, out_dir=..., parent=Path("training_runs/a"))  # from a trained actor
-    run("state", "imitate", seed=1, out_dir=Path("training_runs/a"), resume=True)
+    run(load_recipe("state"), "state", seed=1, out_dir=Path("training_runs/a"))              # from its teacher
+    run(load_recipe("vision"), "vision", seed=1, out_dir=..., parent=Path("training_runs/a"))  # from a trained actor
+    run(load_recipe("state"), "state", seed=1, out_dir=Path("training_runs/a"), resume=True)
 
-A checkpoint is written at least each minute and after each phase; a run that is killed and resumed gives the curve of
-one that was not. `perch-hil train` is the same on the command line, and `torchrun -m hil train` in several processes.
+A checkpoint is written at least each minute and after each phase; a run that is killed and resumed on the same device
+gives the curve of one that was not. `perch-hil train` is the same on the command line.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import torch
 
+from policies.environment.config import EnvConfig
 from policies.evaluation.plot import learning_curve
 from policies.network.actor_critic import Actor, NetworkConfig
-from policies.network.widen import widened
 from policies.training.actor import POLICY, keep_actor, load_actor
-from policies.training.learners import parallel
 from policies.training.learners.dagger import Dagger, DaggerConfig
-from policies.training.learners.layer_fit import LayerFit, LayerFitConfig
-from policies.training.learners.pgpe import Pgpe, PgpeConfig
+from policies.training.learners.device import open_device
+from policies.training.learners.learner import Learner
 from policies.training.learners.ppo import Ppo, PpoConfig
 from policies.training.learners.storage import (
     Curve,
@@ -35,20 +33,17 @@ from policies.training.learners.storage import (
     not_finite,
     save_checkpoint,
 )
-from policies.training.recipe import Recipe, load_recipe
+from policies.training.recipe import Recipe
 
 CHECKPOINT, CURVE, PICTURE, LOG = "checkpoint.pt", "curve.csv", "curve.svg", "log.txt"
 SAVE_EVERY = 50.0  # s
 
-_LEARNERS = {DaggerConfig: Dagger, PpoConfig: Ppo, PgpeConfig: Pgpe, LayerFitConfig: LayerFit}
-
-Learner = Dagger | Ppo | Pgpe | LayerFit
 Progress = Callable[[dict], None]
 
 
 def run(
+    recipe: Recipe,
     stage: str,
-    recipe: str | Recipe,
     seed: int,
     out_dir: Path,
     resume: bool = False,
@@ -59,81 +54,87 @@ def run(
 ) -> Path:
     """Train and export. Returns the ONNX file; `stop` is asked after each iteration and ends the run early, resumable.
 
-    Raises RecipeError for a bad recipe, TrainingError for a device, parent or checkpoint that is not there or does not
-    fit, DivergedError for a number that is not finite (the last good checkpoint stays).
+    Raises RecipeError for a bad recipe, TrainingError for a device, parent, airframe or checkpoint that is not there or
+    does not fit, and for a device without memory enough, DivergedError for a number that is not finite (the last good
+    checkpoint stays).
     """
-    plan = recipe if isinstance(recipe, Recipe) else load_recipe(recipe)
-    rank, world, device = parallel.start(device)
-    if device == "cpu":
-        torch.set_num_threads(1)
-    path = out_dir / (CHECKPOINT if world == 1 else f"checkpoint-{rank}.pt")
-    saved = _checkpoint(path, plan, stage, seed) if resume else None
-    network = plan.network_config()
-    actor, ancestor = (None, {}) if parent is None else load_actor(parent)
+    where, path, network = open_device(device), out_dir / CHECKPOINT, recipe.network_config()
+    saved = _checkpoint(path, recipe, stage, seed) if resume else None
+    actor, ancestor = (None, {}) if parent is None or saved else load_actor(parent)
     if actor is not None and actor.config != network:
-        try:
-            actor = widened(actor, network)
-        except ValueError as error:
-            reason = f"{parent} holds another network than recipe {plan.name} asks for"
-            raise TrainingError(f"{reason}: {error}") from None
-    base, start, total = int(ancestor.get("samples", 0)), 0, None
+        raise TrainingError(f"{parent} holds another network than recipe {recipe.name} asks for")
+    base, start = int(ancestor.get("samples", 0)), 0
     if saved is not None:
-        base, start, total = saved["before"], saved["phase"], saved["total"]
-        ancestor = saved.get("ancestor", ancestor)
-        actor = _actor(network, saved["actor"])
-    curve = Curve(out_dir / CURVE, total) if rank == 0 else None
-    begun = time.monotonic()
-    for index in range(start, len(plan.phase)):
-        phase = plan.phase[index]
-        env = plan.env_config(stage, seed, phase)
-        settings = plan.phase_config(phase)
-        first = None if actor is None else {k: v.clone() for k, v in actor.state_dict().items()}
-        kind = _LEARNERS[type(settings)]
-        learner = kind(replace(env, seed=seed * 1000 + rank), network, settings, device, actor)  # type: ignore[arg-type]
+        base, start, ancestor = saved["before"], saved["phase"], saved["ancestor"]
+    curve = Curve(out_dir / CURVE, None if saved is None else saved["total"])
+    begun = last = time.monotonic()
+    for index in range(start, len(recipe.phase)):
+        env = recipe.env_config(stage, seed * 1000, recipe.phase[index])
+        settings = recipe.phase_config(recipe.phase[index])
+        learner = _learner(settings, env, network, where, actor)
         if saved is not None:
             _continue(learner, saved, path)
             saved = None
 
-        def save(learner=learner, index=index, first=first, base=base, env=env) -> None:
-            total = base + learner.samples * world
-            state = {"learner": learner.state(), "actor": first, "phase": index, "before": base, "ancestor": ancestor}
-            keys = {"recipe": plan.model_dump(), "stage": stage, "seed": seed, "total": total}
-            save_checkpoint(path, {**state, **keys}, agree=lambda: parallel.mean(1.0))
-            if rank == 0:
-                keep_actor(out_dir, plan, stage, seed, env, learner, total, ancestor)
-                learning_curve(out_dir / CURVE, out_dir / PICTURE, f"{plan.title}, {stage}, seed {seed}")
+        def save(learner: Learner = learner, index: int = index, base: int = base, env: EnvConfig = env) -> None:
+            total = base + learner.samples
+            state = {"learner": learner.state(), "phase": index, "before": base, "ancestor": ancestor}
+            keys = {"recipe": recipe.model_dump(), "stage": stage, "seed": seed, "total": total}
+            save_checkpoint(path, {**state, **keys})
+            keep_actor(out_dir, recipe, seed, env, learner, total, ancestor)
+            learning_curve(out_dir / CURVE, out_dir / PICTURE, f"{recipe.title}, {stage}, seed {seed}")
 
-        last = time.monotonic()
         while not learner.finished:
             numbers = {"phase": index, **_step(learner, path)}
-            numbers["samples"] = base + numbers["samples"] * world
-            if curve is not None:
-                curve.add({"samples": numbers["samples"], "phase": index, "success": numbers["success"]})
-                _log(out_dir, numbers)
-            if progress is not None and rank == 0:
-                progress({**numbers, "share": learner.samples / settings.samples, "seconds": time.monotonic() - begun})
-            # all processes stop and save at the same iteration, whichever of them was asked to
-            halt = parallel.mean(float(stop())) > 0.0
-            if parallel.mean(float(time.monotonic() - last > SAVE_EVERY)) > 0.0 or halt:
+            numbers["samples"] = base + numbers["samples"]
+            seconds = time.monotonic() - begun
+            curve.add({"samples": numbers["samples"], "phase": index, "success": numbers["success"]})
+            _log(out_dir, {**numbers, "seconds": seconds})
+            if progress is not None:
+                progress({**numbers, "share": learner.samples / settings.samples, "seconds": seconds})
+            halt = stop()
+            if halt or time.monotonic() - last > SAVE_EVERY:
                 save()
                 last = time.monotonic()
             if halt:
                 return out_dir / POLICY
         save()
-        base += learner.samples * world
-        actor = _actor(network, {k: v.cpu() for k, v in learner.average.state_dict().items()})
+        base += learner.samples
+        actor = Actor(network)
+        actor.load_state_dict({k: v.cpu() for k, v in learner.average.state_dict().items()})
     return out_dir / POLICY
 
 
-def _checkpoint(path: Path, plan: Recipe, stage: str, seed: int) -> dict:
+def _learner(
+    settings: DaggerConfig | PpoConfig,
+    env: EnvConfig,
+    network: NetworkConfig,
+    device: torch.device,
+    actor: Actor | None,
+) -> Learner:
+    """The learner of a phase. Raises TrainingError for buffers too large for the device, or an airframe not there."""
+    kind = Dagger if isinstance(settings, DaggerConfig) else Ppo
+    try:
+        return kind(env, network, settings, device, actor)  # type: ignore[arg-type]
+    except torch.OutOfMemoryError:
+        raise TrainingError(f"{device} has too little memory for phase {kind.name}: {_LOWER[kind]}") from None
+    except ValueError as error:
+        raise TrainingError(str(error)) from None
+
+
+_LOWER = {
+    Dagger: "lower its setting replay or batch, or env.count",
+    Ppo: "lower env.count, or its setting horizon or minibatch",
+}
+
+
+def _checkpoint(path: Path, recipe: Recipe, stage: str, seed: int) -> dict:
     """The checkpoint that this run goes on from. Raises TrainingError if it is another run's."""
     saved = load_checkpoint(path)
-    if not {"recipe", "stage", "seed", "total", "phase", "before", "actor", "learner"} <= saved.keys():
+    if not {"recipe", "stage", "seed", "total", "phase", "before", "ancestor", "learner"} <= saved.keys():
         raise TrainingError(f"{path} is no checkpoint that a run can go on from")
-    if (saved["recipe"], saved["stage"], saved["seed"]) != (plan.model_dump(), stage, seed):
-        raise TrainingError(f"{path} belongs to another recipe, stage or seed; start again without --resume")
-    if parallel.mean(float(saved["total"])) != float(saved["total"]):
-        raise TrainingError(f"{path} and those of the other processes are of different moments; start again")
+    if (saved["recipe"], saved["stage"], saved["seed"]) != (recipe.model_dump(), stage, seed):
+        raise TrainingError(f"{path} belongs to another recipe, airframe, stage or seed; start again without --resume")
     return saved
 
 
@@ -146,14 +147,6 @@ def _continue(learner: Learner, saved: dict, path: Path) -> None:
         raise TrainingError(f"{path} does not fit this version or these settings ({reason}); start again") from None
 
 
-def _actor(network: NetworkConfig, weights: dict | None) -> Actor | None:
-    if weights is None:
-        return None
-    actor = Actor(network)
-    actor.load_state_dict(weights)
-    return actor
-
-
 def _step(learner: Learner, path: Path) -> dict[str, float]:
     """One iteration. Raises DivergedError that names what is not finite: nothing of that kind is ever saved."""
     reason = "the learning step left weights that are not finite"
@@ -161,6 +154,9 @@ def _step(learner: Learner, path: Path) -> dict[str, float]:
         numbers = learner.step()
         if not bad_weights(learner):
             return numbers
+    except torch.OutOfMemoryError:
+        lower = _LOWER[type(learner)]  # type: ignore[index]
+        raise TrainingError(f"the device ran out of memory in phase {learner.name}: {lower}") from None
     except (TrainingError, ValueError) as error:
         if isinstance(error, ValueError) and not not_finite(learner):
             raise
@@ -174,7 +170,3 @@ def _log(out_dir: Path, numbers: dict) -> None:
     """Everything an iteration reports, one line of text each."""
     with (out_dir / LOG).open("a") as file:
         file.write("  ".join(f"{k} {v:.5g}" for k, v in numbers.items()) + "\n")
-
-
-if __name__ == "__main__":
-    raise SystemExit("use `perch-hil train`, in several processes `torchrun --nproc-per-node=2 -m hil train`")

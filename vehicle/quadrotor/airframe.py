@@ -80,7 +80,22 @@ class ContactGeometry(_Section):
     """The contact disc: what meets the board."""
 
     magnet_below: float = Field(gt=0, le=0.5, description="face of the magnet under the centre of mass, m")
-    footprint_radius: float = Field(gt=0, le=1, description="of the disc that stands for body and rotors, m")
+    footprint_radius: float = Field(gt=0, le=1, description="disc that stands for body and rotors, m")
+
+
+class CommandLimits(_Section):
+    """What may be asked of the vehicle (paper App. "Experimental Setup"), and how soon its body rate follows."""
+
+    thrust: tuple[float, float] = Field(description="mass-normalised collective thrust, least and most, m/s^2")
+    body_rate: float = Field(gt=0, le=20, description="most about each body axis, rad/s")
+    rate_lag: float = Field(gt=0.001, le=0.5, description="first-order lag of the body rate behind its set-point, s")
+
+    @model_validator(mode="after")
+    def _carries(self) -> CommandLimits:
+        low, high = self.thrust
+        if not 0.0 <= low < GRAVITY < high:
+            raise ValueError(f"thrust is [{low}, {high}]; it must hold gravity ({GRAVITY} m/s^2) between its limits")
+        return self
 
 
 class Airframe(_Section):
@@ -91,13 +106,26 @@ class Airframe(_Section):
     body: Body
     motors: Motors
     rate_control: RateControl
-    contact: ContactGeometry
+    command: CommandLimits
     camera: CameraMount = CameraMount()
+    contact: ContactGeometry
+
+    @model_validator(mode="after")
+    def _strong_enough(self) -> Airframe:
+        most = self.motors.thrust_to_weight * GRAVITY
+        if self.command.thrust[1] > most:
+            asked = self.command.thrust[1]
+            raise ValueError(f"command.thrust reaches {asked} m/s^2; the motors give {most:.2f} at most")
+        return self
 
     @property
     def hover_thrust(self) -> float:
         """Normalised collective command (0..1) that carries the nominal vehicle; the thrust map is linear."""
         return 1.0 / self.motors.thrust_to_weight
+
+    def limits_row(self) -> np.ndarray:
+        """The (limits_row.DIM,) float64 row of what may be asked, for kernels."""
+        return np.array([*self.command.thrust, self.command.body_rate])
 
     def params_row(self) -> np.ndarray:
         """The airframe row for kernels (vehicle.quadrotor.airframe_row)."""

@@ -1,4 +1,4 @@
-"""Asked, sent, achieved: body rates and thrust from the policy through the gate to the vehicle."""
+"""Asked, guided, sent, achieved: body rates and thrust from the policy through guidance and gate to the vehicle."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import numpy as np
 from markupsafe import Markup
 
 from hil.recording.manifest import nested
-from hil.report.drawing.charts import ASKED, BAD, BOARD, VEHICLE, TimePlot
+from hil.report.drawing.charts import ASKED, BAD, BOARD, SEEN, VEHICLE, TimePlot
 from hil.report.drawing.section import Section, table
 from hil.report.recorded.columns import Columns
 from hil.report.recorded.flight import Recorded
 from hil.report.recorded.geometry import specific_thrust
+from policies.guidance.guide import LAWS, NOT_FINITE
 
 
 def build(recorded: Recorded) -> Section:
@@ -39,14 +40,14 @@ def build(recorded: Recorded) -> Section:
     low, high = thrust if isinstance(thrust, list) and len(thrust) == 2 else (None, None)
     for axis, name in enumerate(("roll rate p", "pitch rate q", "yaw rate r")):
         plot = TimePlot(f"rate-{axis}", f"Body {name}", "rad/s", height=120)
-        _both(plot, recorded, asked, sent, lambda c, axis=axis: c["body_rate"][:, axis])
+        _both(plot, recorded, asked, sent, "body_rate", "asked_rate", axis)
         if achieved is not None:
             plot.add("achieved", BOARD, achieved.nanoseconds(), achieved["body_rate"][:, axis])
         _limits(plot, limits.get("rate"))
         _keep(plot, recorded, limits.get("rate"))
         section.plot(plot)
     plot = TimePlot("thrust", "Mass-normalised collective thrust", "m/s²", height=140)
-    _both(plot, recorded, asked, sent, lambda c: c["thrust"])
+    _both(plot, recorded, asked, sent, "thrust", "asked_thrust")
     if recorded.vehicle is not None:
         t, achieved = recorded.vehicle.t, specific_thrust(recorded.vehicle)
         if recorded.decided_ns:  # what the impact does to the velocity is no thrust
@@ -57,27 +58,40 @@ def build(recorded: Recorded) -> Section:
     section.plot(plot)
     if recorded.decided_ns and asked is not None and (asked.nanoseconds() > recorded.decided_ns).any():
         section.html(
-            Markup(
-                '<p class="small">The policy goes on after the verdict; nobody listens then, so it is not drawn.</p>'
-            )
+            Markup('<p class="small">The policy goes on after the verdict; its commands are not sent any more.</p>')
         )
     if sent is not None:
-        _counts(section, recorded, sent)
+        _counts(section, recorded, asked, sent)
     return section
 
 
-def _both(plot: TimePlot, recorded: Recorded, asked: Columns | None, sent: Columns | None, values: Any) -> None:
+def _both(
+    plot: TimePlot, recorded: Recorded, asked: Columns | None, sent: Columns | None,
+    name: str, unguided: str, axis: int | None = None,
+) -> None:  # fmt: skip
+    def values(columns: Columns, field: str = name) -> np.ndarray:
+        return columns[field] if axis is None else columns[field][:, axis]
+
     if asked is not None:
         heard = asked["engaged"] > 0
         if recorded.decided_ns:
             heard &= asked.nanoseconds() <= recorded.decided_ns
-        plot.add("asked", ASKED, asked.nanoseconds(), np.where(heard, values(asked), np.nan), "dash")
+        by_policy = np.where(_guided(asked), values(asked, unguided), values(asked))
+        plot.add("asked", ASKED, asked.nanoseconds(), np.where(heard, by_policy, np.nan), "dash")
+        changed = heard & (values(asked) != by_policy)
+        if changed.any():
+            plot.add("changed by guidance", SEEN, asked.nanoseconds()[changed], values(asked)[changed], "dots")
     if sent is not None:
         went = sent["tripped"] == ""
         plot.add("sent", VEHICLE, sent.nanoseconds(), np.where(went, values(sent), np.nan), "step")
         limited = sent["limited"] > 0
         if limited.any():
             plot.add("limited by the gate", BAD, sent.nanoseconds()[limited], values(sent)[limited], "dots")
+
+
+def _guided(asked: Columns) -> np.ndarray:
+    """Which actions passed through guidance: they hold what the policy asked before it."""
+    return asked["asked_thrust"] > 0.0
 
 
 def _limits(plot: TimePlot, rate: Any) -> None:
@@ -100,7 +114,7 @@ def _keep(plot: TimePlot, recorded: Recorded, limit: Any, low: float | None = No
     plot.fixed = (bottom - room if low is None else min(low, bottom), top + room)
 
 
-def _counts(section: Section, recorded: Recorded, sent: Columns) -> None:
+def _counts(section: Section, recorded: Recorded, asked: Columns | None, sent: Columns) -> None:
     chosen = recorded.during(sent.nanoseconds())
     went = chosen & (sent["tripped"] == "")
     trips = [sent.messages[i] for i in np.flatnonzero(sent["tripped"] != "").tolist()]
@@ -108,7 +122,16 @@ def _counts(section: Section, recorded: Recorded, sent: Columns) -> None:
         ("commands sent during the attempt", int(went.sum())),
         ("of them limited by the gate", int((sent["limited"][went] > 0).sum())),
     ]
+    rows += _laws(recorded, asked) if asked is not None and _guided(asked).any() else []
     rows += [(f"gate tripped at {recorded.seconds(m.stamp_ns):.3f} s", m.tripped) for m in trips]
     if not trips:
         rows.append(("gate trips", "none"))
     section.html(table(("", ""), rows, "narrow"))
+
+
+def _laws(recorded: Recorded, asked: Columns) -> list[tuple[object, ...]]:
+    """How many actions of the attempt each law of guidance changed."""
+    laws = asked["laws"].astype(int)[np.asarray(recorded.during(asked.nanoseconds()), dtype=bool)]
+    names = {**LAWS, NOT_FINITE: "guidance left out: a number was not finite"}
+    counts = {name: int((laws & bit > 0).sum()) for bit, name in names.items()}
+    return [(name, count) for name, count in counts.items() if count or "left out" not in name]

@@ -29,8 +29,9 @@ def marks(recorded: Recorded) -> list[Mark]:
     for message in events.messages if events else ():
         found.append(Mark(message.stamp_ns, message.severity, f"{message.source}: {message.text}"))
     sent = recorded.topics.get("vehicle/sent")
-    for i in np.flatnonzero(sent["tripped"] != "").tolist() if sent else ():
-        found.append(Mark(int(sent.nanoseconds()[i]), "trip", f"gate tripped: {sent['tripped'][i]}", "gate"))
+    if sent is not None:
+        for i in np.flatnonzero(sent["tripped"] != "").tolist():
+            found.append(Mark(int(sent.nanoseconds()[i]), "trip", f"gate tripped: {sent['tripped'][i]}", "gate"))
     if recorded.decided_ns is not None:
         word = "contact" if recorded.touched else "end"
         found.append(Mark(recorded.decided_ns, "contact", f"the referee decides here: {word}", word))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from policies.environment.env import Env, Tally
 from policies.task.observation import LAYOUT_NAME, LAYOUT_VERSION
 from policies.task.reward import TERMS
 
-VERSION = (1, LAYOUT_NAME, LAYOUT_VERSION)  # of a checkpoint's own layout, and of what its network reads
+VERSION = (2, LAYOUT_NAME, LAYOUT_VERSION)  # of a checkpoint's own layout, and of what its network reads
 _ARRAY = "numpy array"
 
 
@@ -43,18 +42,14 @@ def load_env(env: Env, state: dict[str, np.ndarray]) -> None:
     env.tally = Tally()
 
 
-def save_checkpoint(path: Path, data: dict[str, Any], agree: Callable[[], object] = lambda: None) -> None:
-    """Write so that a kill at any moment leaves either the old or the new file.
-
-    `agree` returns once the other processes, if any, are ready to replace theirs as well.
-    """
+def save_checkpoint(path: Path, data: dict[str, Any]) -> None:
+    """Write so that a kill at any moment leaves either the old or the new file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     trial = path.with_suffix(".tmp")
     with trial.open("wb") as file:
         torch.save({"version": VERSION, **_packed(data)}, file)
         file.flush()
         os.fsync(file.fileno())
-    agree()
     trial.replace(path)
 
 
@@ -70,7 +65,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         ) from None
     if not isinstance(data, dict):
         raise TrainingError(f"{path} is no checkpoint of a training run")
-    version = data.get("version", VERSION)  # what carries none was written before the first change
+    version = data.get("version", (1,))
     if version != VERSION:
         has, here = (" ".join(map(str, numbers)) for numbers in (version, VERSION))
         raise TrainingError(f"checkpoint {path} is of version {has}, this is {here}; train again from the start")
@@ -141,7 +136,7 @@ class Curve:
 
 def commit_id() -> str:
     """Short hash of the checked-out commit, with + if files differ, or 'unknown'."""
-    here = Path(__file__).parents[2]
+    here = Path(__file__).parents[3]
 
     def git(*words: str) -> str:
         return subprocess.run(["git", *words], cwd=here, capture_output=True, text=True, check=True).stdout.strip()

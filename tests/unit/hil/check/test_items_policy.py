@@ -18,6 +18,7 @@ class TestPolicy:
 
         from policies.flying.contract import METADATA_KEY, Contract, Provenance
         from policies.task.observation import OBS_DIM
+        from vehicle.quadrotor.airframe import load_airframe
 
         def make(**changes):
             h = onnx.helper
@@ -32,9 +33,8 @@ class TestPolicy:
             )
             model = h.make_model(graph, opset_imports=[h.make_opsetid("", 17)], ir_version=8)
             origin = Provenance(recipe="r", seed=1, samples=2)
-            said = Contract(
-                **{"name": "p", "stage": "vision", "airframe": "paper_quad", "provenance": origin, **changes}
-            )
+            airframe = load_airframe("paper_quad")
+            said = Contract.of(airframe, name="p", stage="vision", provenance=origin).model_copy(update=changes)
             h.set_model_props(model, {METADATA_KEY: said.model_dump_json()})
             onnx.save(model, tmp_path / "p.onnx")
             return replace(make_context(tmp_path), policy=str(tmp_path / "p.onnx"))

@@ -95,7 +95,9 @@ def test_evaluate_as_json_and_map(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--recipe", "immitate"], "did you mean 'imitate'"),
+        (["--recipe", "vison"], "did you mean 'vision'"),
+        (["--set", "network.widht=3"], "did you mean 'width'"),
+        (["--airframe", "papr_quad"], "did you mean 'paper_quad'"),
         (["--device", "cuda:7"], "was asked for, but torch sees"),
         (["--device", "gpu"], "no device 'gpu'"),
         (["--parent", "nowhere"], "nowhere does not exist"),

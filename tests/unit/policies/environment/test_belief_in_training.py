@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from policies.environment import episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import S_STEP
 from policies.estimation import belief_row, belief_state
 from policies.estimation.board_ekf import belief_covariance
 from policies.teachers.teacher import Teacher
@@ -24,7 +24,7 @@ def consistency(scale):
         fresh = (belief[:, belief_row.ACCEPTED] == before + 1) & (belief[:, belief_row.STREAK] > 8)
         nis.extend(belief[fresh, belief_row.NIS])
         for i in range(k % 4, 128, 4):
-            step = int(env.rows.state[i, S_STEP])
+            step = int(env.rows.state[i, episode_row.STEP])
             if belief[i, belief_row.STREAK] > 8:
                 belief_covariance(belief[i], step * TICK, env.shared.belief, x, p)
                 error, cov = x - env.rows.track[i, step], p.reshape(belief_state.DIM, belief_state.DIM)

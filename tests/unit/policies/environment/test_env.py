@@ -7,20 +7,9 @@ import numpy as np
 import pytest
 
 from groundcar.motion import motion_row, speed_row
+from policies.environment import ended_row, episode_row
 from policies.environment.config import FAMILIES, TICK, EnvConfig
 from policies.environment.env import Env, Tally, fill_future
-from policies.environment.rows import (
-    E_STEPS,
-    ENDED_DIM,
-    S_BEGIN,
-    S_FAMILY,
-    S_FILLED,
-    S_NOISE,
-    S_PENDING,
-    S_SPEED,
-    S_STEP,
-    S_VISIBLE,
-)
 from policies.estimation.board_ekf import surface_sigma
 from policies.evaluation.evaluate import point
 from policies.task import result_row, rules_row, tail_row
@@ -51,13 +40,13 @@ def test_start_is_the_paper_s_table():
     assert -60.001 <= azimuth.min() < -55 and 55 < azimuth.max() <= 60.001
     assert np.abs(vehicle[:, state_row.V]).max() <= 0.1 and np.abs(vehicle[:, state_row.V + 2]).max() <= 0.2
     assert np.degrees(board[:, 6]).max() <= 80.0 and (board[:, 2] == 1.5).all()
-    drawn = np.bincount(env.rows.state[:, S_FAMILY].astype(int), minlength=len(FAMILIES))
+    drawn = np.bincount(env.rows.state[:, episode_row.FAMILY].astype(int), minlength=len(FAMILIES))
     assert (drawn > 0).all()
 
 
 @pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.25, 70, 130), (1.0, 400, 400)])
 def test_as_many_steep_boards_swing_as_are_asked_for(share, least, most):
-    env = Env(EnvConfig(swings=share, speed=(0.0, 0.5), inclination_deg=(0.0, 5.0), count=400, seed=3))
+    env = Env(EnvConfig(oscillating=share, speed=(0.0, 0.5), inclination_deg=(0.0, 5.0), count=400, seed=3))
     env.reset()
     slow, fast = env.rows.motion[:, motion_row.SPEED + speed_row.V], env.rows.motion[:, motion_row.SPEED + speed_row.V2]
     inclination = np.degrees(env.rows.track[:, 0, 6])
@@ -67,9 +56,9 @@ def test_as_many_steep_boards_swing_as_are_asked_for(share, least, most):
 
 
 def test_as_many_boards_are_hard_by_their_speed_as_are_asked_for():
-    env = Env(EnvConfig(frontier=0.4, speed=(0.0, 0.5), inclination_deg=(40.0, 50.0), count=1000, seed=3))
+    env = Env(EnvConfig(hard_examples=0.4, speed=(0.0, 0.5), inclination_deg=(40.0, 50.0), count=1000, seed=3))
     env.reset()
-    speed, inclination = env.rows.state[:, S_SPEED], np.degrees(env.rows.track[:, 0, 6])
+    speed, inclination = env.rows.state[:, episode_row.SPEED], np.degrees(env.rows.track[:, 0, 6])
     flat, steep = inclination <= 20.0, inclination >= 62.0
     assert 90 <= flat.sum() <= 180 and 210 <= steep.sum() <= 330  # 133 and 267 are expected
     moving = speed > 0.0  # what stands has no speed, wherever it was drawn
@@ -81,7 +70,7 @@ def test_as_many_boards_are_hard_by_their_speed_as_are_asked_for():
 def test_small_noise_is_drawn_as_often_as_asked(power, expected):
     env = Env(EnvConfig(stage="vision", noise_scale=(0.1, 1.0), noise_power=power, count=2000, seed=3))
     env.reset()
-    noise = env.rows.state[:, S_NOISE]
+    noise = env.rows.state[:, episode_row.NOISE]
     assert noise.min() >= 0.1 and noise.max() <= 1.0
     assert noise.mean() == pytest.approx(expected, abs=0.03)
     with pytest.raises(ValueError, match="noise_power is 0"):
@@ -103,7 +92,7 @@ def test_equal_seeds_give_equal_numbers_whatever_happens_beside():
 def test_vision_starts_with_the_board_in_view_and_a_belief():
     env = Env(EnvConfig(count=256, seed=5, stage="vision"))
     env.reset()
-    assert (env.rows.state[:, S_VISIBLE] == 1.0).mean() > 0.99
+    assert (env.rows.state[:, episode_row.VISIBLE] == 1.0).mean() > 0.99
     error = np.linalg.norm(env.rows.believed[:, :3] - env.rows.track[:, 0, :3], axis=1)
     assert np.median(error) < 0.1
     assert (env.rows.observation[:, TAIL + 12] > 0.99).mean() > 0.98  # rho
@@ -113,7 +102,7 @@ def test_hovering_start_knows_the_board_s_speed_and_the_thrust_gain():
     config = EnvConfig(count=128, seed=6, stage="vision", warm=1.0, warm_time=(0.6, 1.0), speed=(0.5, 1.0))
     env = Env(config)
     env.reset()
-    begin = env.rows.state[:, S_BEGIN].astype(int)
+    begin = env.rows.state[:, episode_row.BEGIN].astype(int)
     assert begin.min() >= 60
     truth = env.rows.track[np.arange(128), begin]
     assert np.median(np.abs(env.rows.believed[:, 4] - truth[:, 4])) < 0.15
@@ -149,7 +138,7 @@ def test_state_stage_shows_the_truth():
     env.reset()
     for k in range(20):
         env.step(actions(64, k))
-    step = env.rows.state[:, S_STEP].astype(int)
+    step = env.rows.state[:, episode_row.STEP].astype(int)
     truth = env.rows.track[np.arange(64), step]
     offset = truth[:, :3] - env.rows.vehicle[:, state_row.P : state_row.P + 3]
     seen = env.rows.observation[:, NEWEST : NEWEST + 3]
@@ -166,7 +155,7 @@ def test_flight_s_classes_give_the_training_s_numbers():
     previous = env.rows.state[0, 3:7].copy()
     rows, usual = env.rows, env.shared.nominal[airframe_row.DRAG] / env.shared.nominal[airframe_row.MASS]
     for k in range(120):
-        now_ns = round(rows.state[0, S_STEP] * TICK * 1e9)
+        now_ns = round(rows.state[0, episode_row.STEP] * TICK * 1e9)
         builder.push(now_ns, rows.believed[0])
         vehicle = rows.vehicle[0]
         rho = float(rows.observation[0, TAIL + 12])
@@ -192,10 +181,10 @@ def test_belief_follows_the_board_within_its_noise():
     errors = []
     for _ in range(50):
         env.step(teacher.act())
-        alive = env.rows.state[:, S_STEP] > 25
-        step = env.rows.state[:, S_STEP].astype(int)
+        alive = env.rows.state[:, episode_row.STEP] > 25
+        step = env.rows.state[:, episode_row.STEP].astype(int)
         truth = env.rows.track[np.arange(256), step]
-        seen = alive & (env.rows.state[:, S_VISIBLE] == 1.0)
+        seen = alive & (env.rows.state[:, episode_row.VISIBLE] == 1.0)
         errors.append(np.linalg.norm(env.rows.believed[seen, :3] - truth[seen, :3], axis=1))
     assert np.median(np.concatenate(errors)) < 0.08
 
@@ -205,7 +194,7 @@ def test_delayed_detections_wait_their_turn():
     env.reset()
     for _ in range(9):
         env.step(np.tile(HOVER, (64, 1)))
-    assert env.rows.state[:, S_PENDING].max() >= 4
+    assert env.rows.state[:, episode_row.PENDING].max() >= 4
 
 
 def test_time_limit_and_tally():
@@ -214,9 +203,9 @@ def test_time_limit_and_tally():
     for _ in range(20):
         env.step(np.tile(HOVER, (32, 1)))
     rows = env.tally.rows
-    assert rows.shape == (32, ENDED_DIM)
+    assert rows.shape == (32, ended_row.DIM)
     assert env.tally.causes() == {"time": 32}
-    assert (rows[:, E_STEPS] == 20).all()
+    assert (rows[:, ended_row.STEPS] == 20).all()
     assert env.tally.success() == 0.0
     assert math.isnan(Tally().success())
     assert env.shared.rules[rules_row.TIME_LIMIT] == pytest.approx(0.195)
@@ -255,11 +244,11 @@ def test_future_is_what_happens():
     env.reset()
     future = np.zeros((41, 8))
     fill_future(env.rows, 3, 5, future)
-    assert env.rows.state[3, S_FILLED] >= 200
+    assert env.rows.state[3, episode_row.FILLED] >= 200
     for _ in range(30):
         env.step(np.tile(HOVER, (16, 1)))
         if env.rows.done[3]:
-            pytest.skip("the drone fell before the future came")
+            pytest.skip("the vehicle fell before the future came")
     assert env.rows.track[3, 30] == pytest.approx(future[6])
 
 

@@ -1,4 +1,4 @@
-"""Evaluation: unbiased counting, contents of a row, points and noise as requested, separate seeds."""
+"""Evaluation: unbiased counting, what a row holds, points and noise as asked, seeds of its own."""
 
 import json
 import math
@@ -6,42 +6,42 @@ import math
 import numpy as np
 import pytest
 
+from policies.environment import ended_row
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import E_STEPS, ENDED_DIM
 from policies.evaluation.evaluate import POINTS, as_data, evaluate, evaluation_seed, run_episodes, summarise
 from policies.task import result_row
 from policies.task.contact import SUCCESS
 from vehicle.camera.noise import measured_noise
 
 
-def test_every_row_counts_its_first_episodes_only():
+def test_every_row_counts_its_first_episodes():
     config = EnvConfig(count=24, seed=2, limit=30, odometry_noise=0.0)
 
     def fall(env):
         return np.tile([0.0, 0.0, 0.0, -1.0], (24, 1))
 
     ended = run_episodes(fall, config, each=2)
-    assert ended.shape == (48, ENDED_DIM)
-    assert (ended[:, E_STEPS] <= 30).all()
+    assert ended.shape == (48, ended_row.DIM)
+    assert (ended[:, ended_row.STEPS] <= 30).all()
 
 
-def test_summary_of_ended_rows_has_counts_rates_and_means():
-    ended = np.zeros((4, ENDED_DIM))
+def test_summary():
+    ended = np.zeros((4, ended_row.DIM))
     ended[:3, result_row.OUTCOME], ended[3, result_row.OUTCOME], ended[3, 1] = SUCCESS, 1, 3
-    ended[:, 9], ended[:, E_STEPS] = [-0.5, -0.6, -0.9, -3.0], 200
+    ended[:, 9], ended[:, ended_row.STEPS] = [-0.5, -0.6, -0.9, -3.0], 200
     row = summarise("T1", ended)
     assert (row.episodes, row.success) == (4, 75.0)
     assert row.normal_speed == pytest.approx(2.0 / 3.0) and row.in_band == pytest.approx(200.0 / 3.0)
     assert row.duration == pytest.approx(2.0) and row.causes == {"time": 1}
     assert row.hits == 3
     assert json.loads(json.dumps(as_data([row])))[0]["name"] == "T1"
-    none = summarise("x", np.ones((3, ENDED_DIM)))
+    none = summarise("x", np.ones((3, ended_row.DIM)))
     assert none.success == 0.0 and math.isnan(none.duration)
-    assert result_row.DIM < ENDED_DIM
+    assert result_row.DIM < ended_row.DIM
 
 
-def test_operating_points_are_those_of_the_paper():
+def test_points_are_the_paper_s():
     assert POINTS["T1"]["speed"] == (3.0, 3.0) and POINTS["T1"]["inclination_deg"] == (0.0, 0.0)
     assert POINTS["T2"]["speed"] == (2.0, 2.0) and POINTS["T2"]["inclination_deg"] == (30.0, 30.0)
     assert POINTS["T3"]["speed"] == (1.0, 1.0) and POINTS["T3"]["inclination_deg"] == (60.0, 60.0)
@@ -61,7 +61,7 @@ def test_noise_and_progress_are_passed_on():
     assert told == sorted(told) and told[-1] == 1.0
 
 
-def test_evaluation_seeds_are_apart_from_those_of_training():
+def test_evaluation_has_seeds_of_its_own():
     assert evaluation_seed(0) >= 1 << 40 and evaluation_seed(1) == evaluation_seed(0) + 1
     with pytest.raises(ValueError, match="seed -1"):
         evaluation_seed(-1)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from policies.environment import episode_row
 from policies.environment.config import FAMILIES, EnvConfig
-from policies.environment.rows import S_FAMILY
 from policies.evaluation.evaluate import POINTS
 from policies.evaluation.maps import CAMERAS, MOTIONS, VEHICLES, HeatMap, heatmap, motions, robustness
 
@@ -38,7 +38,7 @@ def test_motions_fly_the_four_trajectory_families():
     drawn = set()
 
     def noting(env):
-        drawn.update(FAMILIES[int(k)] for k in env.rows.state[:, S_FAMILY])
+        drawn.update(FAMILIES[int(k)] for k in env.rows.state[:, episode_row.FAMILY])
         return fall(env)
 
     rows = motions(noting, EnvConfig(odometry_noise=0.0), 4)

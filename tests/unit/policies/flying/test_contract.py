@@ -1,7 +1,5 @@
 """Contract: what is refused before take-off, each time in one clear line. Needs no torch."""
 
-import math
-
 import numpy as np
 import onnx
 import pytest
@@ -9,7 +7,6 @@ from onnx import TensorProto, helper, numpy_helper
 
 from policies.flying.contract import (
     METADATA_KEY,
-    CameraContract,
     Contract,
     ContractError,
     ObservationContract,
@@ -19,13 +16,12 @@ from policies.flying.contract import (
     parse_contract,
     read_contract,
 )
-from policies.flying.shipped import policy_file
+from policies.flying.shipped import SHIPPED, policy_file
 from policies.task.observation import OBS_DIM
 from vehicle.quadrotor.airframe import load_airframe
 
-CONTRACT = Contract(
-    name="test", stage="vision", airframe="paper_quad", provenance=Provenance(recipe="r", seed=1, samples=2)
-)
+PAPER, CRAZYFLIE = load_airframe("paper_quad"), load_airframe("crazyflie")
+CONTRACT = Contract.of(PAPER, name="test", stage="vision", provenance=Provenance(recipe="r", seed=1, samples=2))
 
 
 def write(path, text=None, size=OBS_DIM):
@@ -100,28 +96,51 @@ def test_not_json():
 
 
 def test_mismatches_name_both_sides():
-    check_contract(CONTRACT, airframe="paper_quad", camera=CameraContract(), stage="vision")
-    for arguments, words in (
-        ({"airframe": "crazyflie"}, "airframe paper_quad, this flight has crazyflie"),
-        ({"stage": "state"}, "stage vision, this flight has state"),
-        ({"camera": CameraContract(tilt=0.5)}, "camera"),
-    ):
-        with pytest.raises(ContractError, match=words):
-            check_contract(CONTRACT, **arguments)
+    check_contract(CONTRACT, airframe=PAPER, stage="vision")
+    with pytest.raises(ContractError, match="stage vision, this flight has state"):
+        check_contract(CONTRACT, stage="state")
     old = CONTRACT.model_copy(update={"observation": ObservationContract(version=0)})
     with pytest.raises(ContractError, match="observation version 0, this flight has 3; train it"):
         check_contract(old)
 
 
-def test_the_shipped_network_fits_the_rig_that_flies_it():
-    """Its tilt was written with 12 digits: rounding is no other camera."""
-    airframe = load_airframe("paper_quad")
-    mount = airframe.camera
-    camera = CameraContract(offset=mount.offset, tilt=math.radians(mount.tilt_deg))
-    found = open_policy(policy_file("vision"))[1]
-    check_contract(found, airframe="paper_quad", camera=camera, stage="vision")
-    with pytest.raises(ContractError, match="camera"):
-        check_contract(found, camera=camera.model_copy(update={"tilt": camera.tilt + 1e-6}))
+def test_airframe_without_a_policy_is_told_what_to_train():
+    with pytest.raises(ContractError, match="perch-hil train --airframe crazyflie") as error:
+        check_contract(CONTRACT, airframe=CRAZYFLIE)
+    assert "made for airframe paper_quad, this flight has crazyflie" in one_line(error)
+
+
+@pytest.mark.parametrize(
+    ("section", "change", "says"),
+    [
+        ("contact", {"magnet_below": 0.07}, "disc_below=0.04"),
+        ("contact", {"footprint_radius": 0.1}, "disc_radius=0.13"),
+        ("motors", {"lag": 0.05}, "thrust_lag=0.035"),
+        ("command", {"rate_lag": 0.06}, "rate_lag=0.04"),
+        ("command", {"thrust": (4.8, 15.0)}, "thrust_max=14.8"),
+        ("command", {"body_rate": 4.0}, "rate_max=3.5"),
+        ("camera", {"tilt_deg": 30.0}, "camera"),
+    ],
+)
+def test_changed_airframe_is_refused_with_the_value_that_differs(section, change, says):
+    part = getattr(PAPER, section).model_copy(update=change)
+    with pytest.raises(ContractError, match="train one for it") as error:
+        check_contract(CONTRACT, airframe=PAPER.model_copy(update={section: part}))
+    assert says in one_line(error)
+
+
+def test_file_without_guidance_in_its_contract_does_not_want_it():
+    older = CONTRACT.model_dump_json(exclude={"guidance", "vehicle"})
+    contract = parse_contract(older)
+    assert not contract.guidance
+    check_contract(contract, airframe=PAPER)
+    assert parse_contract(CONTRACT.model_copy(update={"guidance": True}).model_dump_json()).guidance
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_network_fits_the_airframe_it_was_made_for(name):
+    """Its camera's tilt was written with 12 digits: rounding is no other camera."""
+    check_contract(open_policy(policy_file(name))[1], airframe=PAPER)
 
 
 def test_size_must_match_the_promise(tmp_path):

@@ -30,6 +30,13 @@ def test_shapes_and_ablations(temporal, with_geometry):
     assert NetworkConfig.of(config.data()) == config
 
 
+def test_the_reflected_observation_gets_the_reflected_action():
+    actor = Actor(NetworkConfig())
+    torch.nn.init.normal_(actor.head.weight)
+    seen, reflected = actor(observations()), actor(observations() * actor.observation_signs)
+    assert torch.allclose(reflected, seen * actor.action_signs, atol=1e-5)
+
+
 def test_without_temporal_augmentation_the_past_does_not_matter():
     for temporal in (True, False):
         actor = Actor(NetworkConfig(temporal=temporal))

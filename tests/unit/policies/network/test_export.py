@@ -1,20 +1,23 @@
 """Export: ONNX against torch to 1e-5, size, contract inside, and nothing written when something is wrong."""
 
 import numpy as np
+import onnx
 import pytest
 import torch
 
 from policies.flying.contract import Contract, ContractError, Provenance, read_contract
 from policies.network.actor_critic import Actor, FlightActor, NetworkConfig, normalisation
-from policies.network.export import MAX_BYTES, compare, export
+from policies.network.export import MAX_BYTES, compare, export, import_actor
 from policies.task.observation import OBS_DIM
+from tests.paths import ROOT
+from vehicle.quadrotor.airframe import load_airframe
 
 torch.set_num_threads(1)
 SHIFT, SCALE = normalisation()
-CONTRACT = Contract(
+CONTRACT = Contract.of(
+    load_airframe("paper_quad"),
     name="test",
     stage="state",
-    airframe="paper_quad",
     provenance=Provenance(recipe="none", seed=0, samples=0),
     shift=SHIFT,
     scale=SCALE,
@@ -28,7 +31,7 @@ def actor(**options):
     return made
 
 
-@pytest.mark.parametrize("options", [{}, {"temporal": False}, {"geometry": False}, {"width": 192}, {"regimes": True}])
+@pytest.mark.parametrize("options", [{}, {"temporal": False}, {"geometry": False}, {"symmetric": False}])
 def test_onnx_equals_torch(tmp_path, options):
     path, net = tmp_path / "p.onnx", actor(**options)
     assert export(net, CONTRACT, path) <= 1e-5
@@ -76,5 +79,66 @@ def test_actions_are_clipped(tmp_path):
     import onnxruntime
 
     session = onnxruntime.InferenceSession(str(tmp_path / "p.onnx"))
-    out = session.run(None, {"observation": np.zeros((3, OBS_DIM), dtype=np.float32)})[0]
+    out = np.asarray(session.run(None, {"observation": np.zeros((3, OBS_DIM), dtype=np.float32)})[0])
     assert out.shape == (3, 4) and out.max() <= 1.0
+
+
+def test_the_file_holds_a_plain_network(tmp_path):
+    """One last layer and nothing that decides: no gated experts, no law."""
+    export(actor(), CONTRACT, tmp_path / "p.onnx")
+    kinds = [node.op_type for node in onnx.load(tmp_path / "p.onnx").graph.node if node.op_type != "Constant"]
+    assert kinds.count("Gemm") == 6 and kinds.count("Clip") == 1 and len(kinds) < 80
+    assert not {"Where", "Less", "LessOrEqual", "Greater", "GreaterOrEqual", "And", "Or", "If", "Atan"} & set(kinds)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"symmetric": False}, {"temporal": False}, {"geometry": False, "width": 64, "channels": (8, 12, 16)}],
+)
+def test_an_exported_actor_comes_back(tmp_path, options):
+    path, net = tmp_path / "p.onnx", actor(**options)
+    export(net, CONTRACT, path)
+    again, contract = import_actor(path)
+    assert again.config == NetworkConfig(**options) and contract == CONTRACT
+    assert compare(FlightActor(again), path) < 1e-5
+
+
+def test_what_is_not_in_the_file_begins_alike_each_time_and_draws_no_other_random_number(tmp_path):
+    export(actor(), CONTRACT, tmp_path / "p.onnx")
+    torch.manual_seed(1)
+    first, _ = import_actor(tmp_path / "p.onnx")
+    after = torch.rand(1)
+    second, _ = import_actor(tmp_path / "p.onnx")
+    for name, weight in first.state_dict().items():
+        assert torch.equal(weight, second.state_dict()[name]), name
+    torch.manual_seed(1)
+    assert torch.equal(after, torch.rand(1))
+
+
+def changed(path, old, new):
+    """The file with an initializer renamed, so that its weights no longer tell what it computes."""
+    model = onnx.load(path)
+    for each in model.graph.initializer:
+        each.name = new if each.name == old else each.name
+    for node in model.graph.node:
+        node.input[:] = [new if name == old else name for name in node.input]
+    onnx.save(model, path)
+
+
+def test_a_file_that_computes_something_else_than_its_weights_tell_is_refused(tmp_path):
+    export(actor(), CONTRACT, tmp_path / "p.onnx")
+    changed(tmp_path / "p.onnx", "actor.head.weight", "renamed")
+    with pytest.raises(ContractError, match="something else than its weights tell"):
+        import_actor(tmp_path / "p.onnx")
+
+
+def test_a_file_of_unknown_weights_is_refused(tmp_path):
+    export(actor(), CONTRACT, tmp_path / "p.onnx")
+    changed(tmp_path / "p.onnx", "actor.head.weight", "actor.other.weight")
+    with pytest.raises(ContractError, match="does not know"):
+        import_actor(tmp_path / "p.onnx")
+
+
+def test_a_file_without_a_description_of_its_network_is_refused():
+    with pytest.raises(ContractError, match="a teacher, not a parent"):
+        import_actor(ROOT / "policies" / "checkpoints" / "teacher.onnx")

@@ -12,7 +12,6 @@ from policies.task.observation import (
     HISTORY,
     NEWEST,
     OBS_DIM,
-    RATE_MAX,
     TAIL,
     ObservationBuilder,
     action_from_command,
@@ -22,6 +21,9 @@ from policies.task.observation import (
     push_history,
     yaw_axes,
 )
+from vehicle.quadrotor.airframe import load_airframe
+
+LIMITS = load_airframe("paper_quad").limits_row()
 
 AHEAD = np.eye(8)[0]
 BOARD = np.array([3.0, 4.0, 1.5, 0.5, 2.0, 0.3, 0.7, 0.0])
@@ -159,13 +161,13 @@ def test_invalid_input_is_refused():
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4))
 def test_action_scaling_round_trip(action):
     command, back = np.zeros(4), np.zeros(4)
-    command_from_action(np.array(action), command)
+    command_from_action(np.array(action), LIMITS, command)
     assert 4.8 - 1e-9 <= command[3] <= 14.8 + 1e-9
-    action_from_command(command, back)
+    action_from_command(command, LIMITS, back)
     assert back == pytest.approx(action, abs=1e-9)
 
 
 def test_action_is_clipped():
     command = np.zeros(4)
-    command_from_action(np.array([2.0, -2.0, 0.5, 7.0]), command)
-    assert command == pytest.approx([RATE_MAX, -RATE_MAX, 0.5 * RATE_MAX, 14.8])
+    command_from_action(np.array([2.0, -2.0, 0.5, 7.0]), LIMITS, command)
+    assert command == pytest.approx([3.5, -3.5, 1.75, 14.8])

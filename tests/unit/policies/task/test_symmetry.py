@@ -33,7 +33,7 @@ def observed(signs, seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_observation_of_a_reflected_scene_has_the_reflected_signs(seed):
+def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
     ones = (np.ones(3), np.ones(4), np.ones(8), np.ones(4))
     seen = observed(ones, seed)
     image = observed((VECTOR, TURN, BOARD, np.array(ACTION_SIGNS)), seed)
@@ -41,14 +41,15 @@ def test_observation_of_a_reflected_scene_has_the_reflected_signs(seed):
     assert np.abs(image - seen).max() > 0.1
 
 
-def test_reflected_actions_fly_the_reflected_path():
-    rng, params = np.random.default_rng(2), load_airframe("paper_quad").params_row()
+def test_the_vehicle_flies_the_mirror_image_under_mirrored_actions():
+    rng, airframe = np.random.default_rng(2), load_airframe("paper_quad")
+    params, limits = airframe.params_row(), airframe.limits_row()
     row, command = d.vehicle_row((0.0, 0.0, 2.0), motor=0.4), np.zeros(4)
     image = row.copy()
     for _ in range(60):
         action = rng.uniform(-0.2, 0.3, 4)
         for each, signs in ((row, np.ones(4)), (image, np.array(ACTION_SIGNS))):
-            command_from_action(signs * action, command)
+            command_from_action(signs * action, limits, command)
             fly(each, command, params, 0.01, 5)
     np.testing.assert_allclose(
         image[state_row.P : state_row.P + 3], VECTOR * row[state_row.P : state_row.P + 3], atol=1e-9
@@ -62,7 +63,7 @@ def test_reflected_actions_fly_the_reflected_path():
     assert abs(row[state_row.P + 1]) > 0.01
 
 
-def test_symmetric_actor_is_equivariant_and_a_plain_one_is_not():
+def test_a_mirrored_actor_does_the_mirror_image_and_another_does_not():
     def broken(mirrored):
         torch.manual_seed(3)
         actor, observation = Actor(NetworkConfig(mirrored=mirrored)), torch.randn(32, OBS_DIM)

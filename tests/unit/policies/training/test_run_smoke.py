@@ -26,6 +26,6 @@ def test_success_beats_its_start(tmp_path):
     nothing = Provenance(recipe="none", seed=0, samples=0)
     export(Actor(recipe.network_config()), contract_for(env, "start", nothing), start)
     before = success(start)
-    after = success(run("state", recipe, 1, tmp_path / "run"))
+    after = success(run(recipe, "state", 1, tmp_path / "run"))
     assert before <= 5.0
     assert after >= 70.0

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from vehicle.quadrotor import airframe as af
-from vehicle.quadrotor import airframe_row
+from vehicle.quadrotor import airframe_row, state_row
+from vehicle.quadrotor import dynamics as d
+from vehicle.quadrotor.rate_control import fly, settle_filters
 
 GOOD = """
 title = "t"
@@ -21,8 +23,12 @@ yaw_torque = 0.01
 p = [0.1, 0.1, 0.1]
 i = [0.1, 0.1, 0.1]
 d = [0.0, 0.0, 0.0]
+[command]
+thrust = [5.0, 15.0]
+body_rate = 3.0
+rate_lag = 0.05
 [contact]
-magnet_below = 0.03
+magnet_below = 0.04
 footprint_radius = 0.1
 """
 
@@ -63,9 +69,13 @@ def test_a_file_of_ones_own_is_read_and_named_after_itself(tmp_path):
         (("mass = 1.0", "mass = nan"), "body.mass"),
         (("mass = 1.0", "weight = 1.0"), "body.weight"),
         (("thrust_to_weight = 2.0", "thrust_to_weight = 0.9"), "motors.thrust_to_weight"),
+        (("[contact]\nmagnet_below = 0.04\nfootprint_radius = 0.1\n", ""), "contact: Field required"),
+        (("[command]\nthrust = [5.0, 15.0]\nbody_rate = 3.0\nrate_lag = 0.05\n", ""), "command: Field required"),
+        (("thrust = [5.0, 15.0]", "thrust = [10.0, 15.0]"), "gravity"),
+        (("thrust = [5.0, 15.0]", "thrust = [5.0, 20.0]"), "the motors give 19.61"),
         (("[0.01, 0.01, 0.02]", "[0.01, 0.01, 0.03]"), "inertia"),
         (("p = [0.1, 0.1, 0.1]", "p = [0.1, 0.1]"), "rate_control.p"),
-        (("magnet_below = 0.03\n", ""), "contact.magnet_below"),
+        (("magnet_below = 0.04\n", ""), "contact.magnet_below"),
         (('title = "t"', 'title = "t'), "not valid TOML"),
     ],
 )
@@ -82,3 +92,17 @@ def test_unknown_names_suggest_the_nearest():
         af.load_airframe("paper_qaud")
     with pytest.raises(ValueError, match=r"nowhere\.toml: cannot be read"):
         af.load_airframe("nowhere.toml")
+
+
+@pytest.mark.parametrize("name", af.list_airframes())
+@pytest.mark.parametrize("axis", [0, 1])
+def test_rate_lag_is_that_of_the_model(name, axis):
+    frame, dt = af.load_airframe(name), 0.002
+    params, command = frame.params_row(), np.array([0.0, 0.0, 0.0, af.GRAVITY])
+    row = d.vehicle_row((0.0, 0.0, 5.0), motor=frame.hover_thrust)
+    settle_filters(row, params, dt)
+    command[axis], elapsed = 1.0, 0.0
+    while row[state_row.W + axis] < 1.0 - np.exp(-1.0):
+        fly(row, command, params, dt, 1)
+        elapsed += dt
+    assert elapsed == pytest.approx(frame.command.rate_lag, rel=0.1)
