@@ -13,6 +13,7 @@ from policies.planner import params as pp
 from policies.planner import planner as pl
 from policies.planner.glide import _AHEAD, _BRAKE, glide, glide_reference, glide_sink
 from policies.planner.params import PlannerParams
+from policies.planner.policy import GUIDANCE
 from policies.prediction.future import HORIZON, STEP
 from policies.teachers.planner import ANALYTIC, PlannerInEnv
 from vehicle.camera.pinhole import Camera
@@ -25,7 +26,9 @@ T1 = {"stage": "vision", "seed": 3, "noise_scale": (1.0, 1.0), **point(3.0, 0.0)
 
 def flown(**changes):
     planner = PlannerInEnv(ANALYTIC, **changes)
-    return summarise("T1", run_episodes(planner, EnvConfig(count=100, **T1), noise="paper"))
+    return summarise(
+        "T1", run_episodes(planner, EnvConfig(guidance=True, guidance_changes=GUIDANCE, count=100, **T1), noise="paper")
+    )
 
 
 @settings(max_examples=60, deadline=None)
