@@ -12,7 +12,7 @@ from policies.evaluation.evaluate import point, run_episodes, summarise
 from policies.planner import phases, state_row
 from policies.planner import planner as pl
 from policies.planner.glide import _AHEAD, _BRAKE, glide, glide_reference, glide_sink
-from policies.planner.policy import planner_params
+from policies.planner.policy import GUIDANCE, planner_params
 from policies.prediction.future import HORIZON, STEP
 from policies.teachers.planner import ANALYTIC, PlannerInEnv
 from vehicle.camera.pinhole import Camera
@@ -27,7 +27,8 @@ T1 = {"stage": "vision", "seed": 3, "noise_scale": (1.0, 1.0), **point(3.0, 0.0)
 
 def flown(changes=None):
     planner = PlannerInEnv(ANALYTIC, changes)
-    return summarise("T1", run_episodes(planner, EnvConfig(count=100, **T1), noise="paper"))
+    config = EnvConfig(guidance=True, guidance_changes=GUIDANCE, count=100, **T1)
+    return summarise("T1", run_episodes(planner, config, noise="paper"))
 
 
 @settings(max_examples=60, deadline=None)

@@ -8,7 +8,7 @@ from policies.environment.env import Env
 from policies.evaluation.evaluate import point, run_episodes, summarise
 from policies.planner import planner as pl
 from policies.planner.params import PlannerParams
-from policies.planner.policy import planner_params
+from policies.planner.policy import GUIDANCE, planner_params
 from policies.prediction.future import HORIZON, STEP
 from policies.teachers.planner import ANALYTIC, FORESEEN, PlannerInEnv
 from vehicle.quadrotor.airframe import list_airframes, load_airframe
@@ -29,6 +29,7 @@ CASES = {
 def config(case, count, stage, **changes):
     """A case from a hovering start. The noise is one-sigma of our own detector where the stage is vision."""
     scales = {"odometry_noise": float(stage == "vision"), "noise_scale": (1.0, 1.0), "warm": 1.0, "limit": 1500}
+    scales |= {"guidance": True, "guidance_changes": GUIDANCE}
     return EnvConfig(stage=stage, count=count, seed=3, **{**scales, **CASES[case], **changes})
 
 
