@@ -4,8 +4,7 @@ import pytest
 from policies.planner import params_row
 from policies.planner.params import STEEP, PlannerParams
 from policies.planner.policy import planner_params
-from policies.task.observation import RATE_MAX, THRUST_MAX, THRUST_MIN
-from vehicle.quadrotor.airframe import load_airframe
+from vehicle.quadrotor.airframe import list_airframes, load_airframe
 
 PARAMS = planner_params(load_airframe("paper_quad"))
 
@@ -34,15 +33,15 @@ def test_second_half_of_the_row_has_the_values_for_steep_boards():
     assert np.array_equal(row[same], steep[same])
 
 
-@pytest.mark.parametrize("name", ["paper_quad", "crazyflie"])
-def test_vehicle_is_the_airframe_s_and_commands_are_what_an_action_can_say(name):
+@pytest.mark.parametrize("name", list_airframes())
+def test_vehicle_and_limits_of_a_command_are_the_airframe_s(name):
     airframe, vehicle = load_airframe(name), planner_params(load_airframe(name)).vehicle
     assert (vehicle.contact_below, vehicle.contact_radius) == (
         airframe.contact.magnet_below,
         airframe.contact.footprint_radius,
     )
     assert vehicle.thrust_lag == airframe.motors.lag
-    assert (vehicle.rate_max, vehicle.thrust_min, vehicle.thrust_max) == (RATE_MAX, THRUST_MIN, THRUST_MAX)
+    assert [vehicle.thrust_min, vehicle.thrust_max, vehicle.rate_max] == airframe.limits_row().tolist()
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Left and right: observations, the vehicle and a mirrored actor know no difference."""
+"""Left and right: observations, the vehicle and a symmetric actor know no difference."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
     assert np.abs(image - seen).max() > 0.1
 
 
-def test_the_vehicle_flies_the_mirror_image_under_mirrored_actions():
+def test_the_vehicle_flies_the_mirror_image_under_symmetric_actions():
     rng, airframe = np.random.default_rng(2), load_airframe("paper_quad")
     params, limits = airframe.params_row(), airframe.limits_row()
     row, command = d.vehicle_row((0.0, 0.0, 2.0), motor=0.4), np.zeros(4)
@@ -63,13 +63,13 @@ def test_the_vehicle_flies_the_mirror_image_under_mirrored_actions():
     assert abs(row[state_row.P + 1]) > 0.01
 
 
-def test_a_mirrored_actor_does_the_mirror_image_and_another_does_not():
-    def broken(mirrored):
+def test_symmetric_actor_answers_a_reflected_observation_with_the_reflected_action():
+    def broken(symmetric):
         torch.manual_seed(3)
-        actor, observation = Actor(NetworkConfig(mirrored=mirrored)), torch.randn(32, OBS_DIM)
+        actor, observation = Actor(NetworkConfig(symmetric=symmetric)), torch.randn(32, OBS_DIM)
         torch.nn.init.normal_(actor.head.weight, std=0.2)
         image = actor(observation * torch.tensor(OBSERVATION_SIGNS))
         return (image - torch.tensor(ACTION_SIGNS) * actor(observation)).abs().max().item()
 
-    assert broken(mirrored=True) < 1e-5
-    assert broken(mirrored=False) > 1e-2
+    assert broken(symmetric=True) < 1e-5
+    assert broken(symmetric=False) > 1e-2

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from policies.environment import episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
-from policies.environment.rows import S_STEP, X_P, X_Q, X_V
+from policies.environment.observe import shown_odometry
 from policies.estimation import belief_row, belief_state, thrust_row
 from policies.estimation.board_ekf import belief_covariance, belief_valid, surface_sigma
 from policies.estimation.thrust_drag import gain_reset
@@ -24,13 +25,13 @@ NS = 1e9
 def views(env):
     """What a flight would tell its policy about row 0 now."""
     rows = env.rows
-    now = rows.state[0, S_STEP] * TICK
-    x, p, own = np.zeros(8), np.zeros(belief_state.DIM * belief_state.DIM), rows.scratch[0]
+    now = rows.state[0, episode_row.STEP] * TICK
+    x, p = np.zeros(8), np.zeros(belief_state.DIM * belief_state.DIM)
+    position, velocity, orientation = (tuple(view) for view in shown_odometry(rows.scratch[0]))
     belief_covariance(rows.belief[0], now, env.shared.belief, x, p)
     now_ns = round(now * NS)
     vehicle = SimpleNamespace(
-        stamp_ns=now_ns, position=tuple(own[X_P : X_P + 3]), velocity=tuple(own[X_V : X_V + 3]),
-        orientation=tuple(own[X_Q : X_Q + 4]), body_rate=(0.0, 0.0, 0.0),
+        stamp_ns=now_ns, position=position, velocity=velocity, orientation=orientation, body_rate=(0.0, 0.0, 0.0),
     )  # fmt: skip
     board = SimpleNamespace(
         valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]), heading=x[3],
@@ -52,7 +53,7 @@ def test_in_the_environment_and_in_flight_the_planner_gives_the_same_commands(so
     flown = 0
     while flown < 150:
         command = pilot.step(*views(env))
-        action_from_command(np.array([*command.body_rate, command.thrust]), wanted)
+        action_from_command(np.array([*command.body_rate, command.thrust]), env.shared.limits, wanted)
         action = planner(env)
         assert action[0] == pytest.approx(wanted, abs=1e-5)
         env.step(action)
