@@ -6,6 +6,7 @@ import pytest
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.evaluation.evaluate import point, run_episodes, summarise
+from policies.guidance.params import GuidanceParams
 from policies.planner import estimate_row, phases, state_row
 from policies.planner import planner as pl
 from policies.planner.estimate import certain
@@ -16,6 +17,7 @@ from vehicle.quadrotor.airframe import load_airframe
 
 PARAMS = planner_params(load_airframe("paper_quad"))
 PLANNER = PARAMS.row()
+LEAN = GuidanceParams.of(load_airframe("paper_quad")).lean
 CONSTANT, COSINE = (1.0, 0, 0, 0), (0, 0, 1.0, 0)
 CASES = {
     "static": {**point(0.0, 65.0), "families": (0, 0, 0, 0, 0, 1.0), "laws": CONSTANT},
@@ -45,7 +47,7 @@ def test_on_a_board_known_exactly_it_perches_within_tolerance(case):
     flown = fly(case, 24, ANALYTIC, thrust_to_weight=0.0)
     assert flown.success >= 90.0, flown.causes
     assert flown.position_error < 0.1
-    assert flown.normal_error < PARAMS.terminal.lean + 0.05
+    assert flown.normal_error < LEAN + 0.05
 
 
 @pytest.mark.parametrize(("case", "floor"), [("static", 95.0), ("line", 80.0), ("T2", 85.0)])
