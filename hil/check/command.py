@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import getpass
+import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,12 +23,10 @@ from hil.check import records
 from hil.check.catalogue import checks
 from hil.check.checklist import Checklist, load_checklist
 from hil.check.junit import write_junit
-from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, USAGE, Record, RecordError, iso, passed
+from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, Record, RecordError, iso, passed
 from hil.check.screen import Screen
 from hil.check.session import Session, list_subject, new_record
 from hil.check.terminal import Keyboard
-from hil.recording.provenance import ProvenanceError
-from kernel.toml_errors import ConfigError
 from policies.flying.registry import policy_factory
 from policies.flying.shipped import policy_file
 from scenarios.spec import load
@@ -51,30 +50,25 @@ class Wish:
     fresh: bool
     run: Path | None
     out: Path
-    json_file: Path | None
+    as_json: bool
     junit_file: Path | None
     endpoint: str = ""
     keys: Path | None = None
 
 
 def run_checklist(wish: Wish) -> int:
-    """Load, walk through, sign, write, print; returns the exit code."""
-    try:
-        checklist = load_checklist(wish.list_name)
-        context, about = _context(wish)
-        path, record = _begin(wish, checklist, list_subject(checklist, about))
-        screen = Screen(Console(), Keyboard(), wish.operator or "")
-        operator = wish.operator or (screen.operator(_login()) if screen.interactive else "")
-        with _alone(path), closing_devices(context):
-            return _walk(
-                wish, Session(checklist, context, record, path, screen, operator), record, path, screen, operator
-            )
-    except (ConfigError, ProvenanceError, RecordError, ValueError) as error:
-        print(f"perch-hil: {error}", file=sys.stderr)
-        return USAGE
-    except (KeyboardInterrupt, EOFError):
-        print("\nperch-hil: aborted before the first item", file=sys.stderr)
-        return ABORTED
+    """Load, walk through, sign, write, print; returns the exit code.
+
+    Raises ValueError (ConfigError, RecordError) for a list, rig, policy or record that cannot be used, ProvenanceError
+    for a checkout that git cannot describe, KeyboardInterrupt or EOFError if it is left before the first item.
+    """
+    checklist = load_checklist(wish.list_name)
+    context, about = _context(wish)
+    path, record = _begin(wish, checklist, list_subject(checklist, about))
+    screen = Screen(Console(stderr=wish.as_json), Keyboard(), wish.operator or "")
+    operator = wish.operator or (screen.operator(_login()) if screen.interactive else "")
+    with _alone(path), closing_devices(context):
+        return _walk(wish, Session(checklist, context, record, path, screen, operator), record, path, screen, operator)
 
 
 def _walk(wish: Wish, session: Session, record: Record, path: Path, screen: Screen, operator: str) -> int:
@@ -160,8 +154,8 @@ def _say_resuming(path: Path, record: Record) -> None:
 
 
 def _outputs(wish: Wish, record: Record) -> None:
-    if wish.json_file is not None:
-        records.write(wish.json_file, record)
+    if wish.as_json:
+        print(json.dumps(record.as_dict(), allow_nan=False), flush=True)
     if wish.junit_file is not None:
         try:
             write_junit(wish.junit_file, record)
@@ -200,8 +194,14 @@ def _login() -> str:
         return ""
 
 
-def print_names() -> None:
+def print_names(as_json: bool) -> None:
     """The automatic checks: name, unit, arguments, what they read."""
+    if as_json:
+        rows = [
+            {"name": c.name, "unit": c.unit, "arguments": [*c.arguments], "about": c.about} for c in checks().values()
+        ]
+        print(json.dumps(rows))
+        return
     table = Table(box=box.SIMPLE_HEAD)
     for column in ("check", "unit", "arguments", "reads"):
         table.add_column(column, overflow="fold")

@@ -14,7 +14,7 @@ from typing import Any
 from hil.check.judge import Outcome, Value
 
 FORMAT = 1
-GO, NO_GO, USAGE, ABORTED, INCOMPLETE = range(5)
+GO, NO_GO, ABORTED, INCOMPLETE = 0, 1, 3, 4  # exit codes of `perch-hil check`; 2 is usage, as everywhere
 VERDICTS = {GO: "go", NO_GO: "no-go", INCOMPLETE: "incomplete"}
 
 

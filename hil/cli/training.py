@@ -14,6 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from hil.cli.options import INTERRUPTED, OK
 from policies.training.learners.storage import TrainingError
 from policies.training.recipe import Recipe, load_recipe
 from policies.training.run import CURVE, PICTURE, run
@@ -39,13 +40,13 @@ class Request:
         """The command that goes on with this run."""
         world = os.environ.get("WORLD_SIZE", "1")
         words = ["perch-hil"] if world == "1" else ["torchrun", f"--nproc-per-node={world}", "-m", "hil"]
-        words += ["train", "--stage", self.stage, "--recipe", self.recipe, "--seed", str(self.seed)]
+        words += ["policy", "train", "--stage", self.stage, "--recipe", self.recipe, "--seed", str(self.seed)]
         words += ["--out", str(self.out), "--device", self.device, "--resume"]
         return shlex.join(words)
 
 
 class _Stop:
-    """True once somebody wants the run to end; a later Ctrl-C ends it at once, without saving."""
+    """True once a signal asked the run to end; a later Ctrl-C ends it at once, without saving."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -126,9 +127,9 @@ def train_policy(request: Request) -> int:
         where = (request.stage, plan, request.seed, out, resume, request.device, request.parent)
         policy = run(*where, progress=display, stop=stop)
     if not _first():
-        return 130 if stop() else 0
+        return INTERRUPTED if stop() else OK
     if stop():
         print(f"saved; go on with:\n  {request.again()}")
-        return 130
-    print(f"policy  {policy}\ncurve   {out / PICTURE} ({CURVE} beside it)\nnext    perch-hil evaluate {policy}")
-    return 0
+        return INTERRUPTED
+    print(f"policy  {policy}\ncurve   {out / PICTURE} ({CURVE} beside it)\nnext    perch-hil policy evaluate {policy}")
+    return OK

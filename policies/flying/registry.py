@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from policies.flying.contract import CameraContract
 from policies.flying.onnx_policy import OnnxPolicy
-from policies.flying.shipped import SHIPPED, policy_file
+from policies.flying.shipped import FLYABLE, policy_file
 from policies.planner.learned_policy import LearnedPlannerPolicy
 from policies.planner.policy import PlannerPolicy
 from policies.task.interface import FlyingPolicy
@@ -25,7 +25,6 @@ def policy_factory(name: str, airframe: Airframe, camera: CameraContract | None 
         return lambda: PlannerPolicy(airframe)
     file = policy_file(name)
     if file is None or file.suffix != ".onnx":
-        known = ", ".join((*SHIPPED, "planner", "planner-analytic"))
-        raise ValueError(f"no policy {name!r}: use {known}, or the path of an .onnx file")
+        raise ValueError(f"no policy {name!r}: use {', '.join(FLYABLE)}, or the path of an .onnx file")
     policy = OnnxPolicy(file, airframe, camera)
     return lambda: policy

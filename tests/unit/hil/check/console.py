@@ -31,7 +31,7 @@ def wish(folder: Path, list_file: Path, **more) -> Wish:
         "fresh": False,
         "run": None,
         "out": folder,
-        "json_file": None,
+        "as_json": False,
         "junit_file": None,
     }
     return Wish(**{**options, **more})

@@ -9,7 +9,7 @@ from typing import Any
 
 from hil.assembly.rig import load_rig
 from hil.bench.devices import Context, subject
-from hil.check import registry
+from hil.check import catalogue, registry
 from hil.check.checklist import Checklist
 from hil.check.judge import Outcome, Reading
 from hil.check.records import Record
@@ -22,7 +22,7 @@ PASS = Answer(Outcome.PASS)
 @contextmanager
 def registered(name: str, function: Callable[..., Reading], unit: str = ""):
     """A check that exists for the test only."""
-    registry.checks()
+    catalogue.checks()
     registry.check(name, unit)(function)
     try:
         yield

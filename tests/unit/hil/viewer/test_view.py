@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from hil.cli import report as cli_report
+from hil.cli import runs as cli_runs
 from hil.recording.reader import ReadError
 from hil.viewer import view
 from tests.paths import GOLDEN_RUN as GOLDEN
@@ -17,7 +17,7 @@ from tests.paths import GOLDEN_RUN as GOLDEN
 @pytest.fixture
 def command():
     app = typer.Typer()
-    cli_report.register(app)
+    cli_runs.register(app)
     return lambda *args: CliRunner().invoke(app, [str(a) for a in args])
 
 
