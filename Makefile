@@ -1,4 +1,5 @@
-PYTHON ?= python3.11
+# The first of these that is installed; all pinned packages have wheels for each.
+PYTHON ?= $(firstword $(foreach v,3.11 3.12 3.13,$(shell command -v python$(v))) python3)
 VENV := .venv
 BIN := $(VENV)/bin
 
@@ -32,13 +33,13 @@ live: $(VENV)/test ## test the live host, in real time: on a machine that does n
 
 MINUTES ?= 10
 
-soak: $(VENV)/core ## one long live run (MINUTES=10): is memory flat, does nobody fall behind
+soak: $(VENV)/core ## one long live run (MINUTES=10): is memory flat, is lateness steady
 	$(BIN)/perch-hil soak --minutes $(MINUTES)
 
 lint: $(VENV)/dev ## ruff, format and pyright, as pre-commit runs them
 	$(BIN)/pre-commit run --all-files --show-diff-on-failure
 
-format: $(VENV)/dev ## let ruff mend what it can
+format: $(VENV)/dev ## let ruff correct what it can
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
@@ -55,19 +56,19 @@ TRAINED := training_runs
 GO_ON = $(if $(wildcard $(TRAINED)/$(1)/checkpoint*.pt),--resume)
 LEARN = train --stage $(1) --recipe $(2) --out $(TRAINED)/$(3) $(call GO_ON,$(3))
 
-train: $(VENV)/test ## from nothing to policies and their tables, an hour of two cores; stopped: again goes on
-	$(BIN)/perch-hil $(call LEARN,state,imitate,state)
-	$(BIN)/perch-hil $(call LEARN,vision,watch,vision) --parent $(TRAINED)/state
-	$(BIN)/perch-hil evaluate $(TRAINED)/state/policy.onnx
-	$(BIN)/perch-hil evaluate $(TRAINED)/vision/policy.onnx
+train: $(VENV)/test ## from nothing to policies and their tables, an hour of two cores; after a stop the same command goes on
+	$(BIN)/perch-hil policy $(call LEARN,state,imitate,state)
+	$(BIN)/perch-hil policy $(call LEARN,vision,watch,vision) --parent $(TRAINED)/state
+	$(BIN)/perch-hil policy evaluate $(TRAINED)/state/policy.onnx
+	$(BIN)/perch-hil policy evaluate $(TRAINED)/vision/policy.onnx
 
-train-long: $(VENV)/test ## on from there as the policies that fly were trained, some five hours more
-	$(BIN)/perch-hil $(call LEARN,state,flat-boards,flat-boards) --parent $(TRAINED)/state
-	$(BIN)/perch-hil $(call LEARN,vision,watch-long,watch-long) --parent $(TRAINED)/vision
-	$(BIN)/torchrun --nproc-per-node=2 -m hil $(call LEARN,vision,search,search) --parent $(TRAINED)/watch-long
-	$(BIN)/perch-hil $(call LEARN,vision,run-up,run-up) --parent $(TRAINED)/search
-	$(BIN)/perch-hil evaluate $(TRAINED)/flat-boards/policy.onnx
-	$(BIN)/perch-hil evaluate $(TRAINED)/run-up/policy.onnx
+train-long: $(VENV)/test ## on from there by the recipes behind the policies that fly, some five hours more
+	$(BIN)/perch-hil policy $(call LEARN,state,flat-boards,flat-boards) --parent $(TRAINED)/state
+	$(BIN)/perch-hil policy $(call LEARN,vision,watch-long,watch-long) --parent $(TRAINED)/vision
+	$(BIN)/torchrun --nproc-per-node=2 -m hil policy $(call LEARN,vision,search,search) --parent $(TRAINED)/watch-long
+	$(BIN)/perch-hil policy $(call LEARN,vision,run-up,run-up) --parent $(TRAINED)/search
+	$(BIN)/perch-hil policy evaluate $(TRAINED)/flat-boards/policy.onnx
+	$(BIN)/perch-hil policy evaluate $(TRAINED)/run-up/policy.onnx
 
 clean: ## remove the virtual environment and caches (not the runs)
 	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache
