@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from kernel.toml_errors import ConfigError, read_toml, validate
 from policies.environment.config import EnvConfig
 from policies.network.actor_critic import NetworkConfig
 from policies.task.contact import ContactRules
@@ -137,14 +137,9 @@ def load_recipe(name: str | Path) -> Recipe:
             hint = f"; did you mean '{near[0]}'?" if near else ""
             raise RecipeError(f"there is no recipe '{name}': known are {', '.join(list_recipes())}{hint}")
     try:
-        recipe = Recipe.model_validate({"name": path.stem, **tomllib.loads(path.read_text())})
-    except OSError as error:
-        raise RecipeError(f"{path}: cannot be read ({error.strerror})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RecipeError(f"{path}: not valid TOML: {error}") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise RecipeError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        recipe = validate({"name": path.stem, **read_toml(path)}, Recipe, str(path))
+    except ConfigError as error:
+        raise RecipeError(str(error)) from None
     for phase in recipe.phase:
         recipe.phase_config(phase)
         recipe.env_config("state", 0, phase)
