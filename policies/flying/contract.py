@@ -124,7 +124,7 @@ def open_policy(path: str | Path) -> tuple[Any, Contract]:
         raise ContractError(f"policy {path} is not a readable ONNX model ({reason}); copy or export it again") from None
     text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
     if text is None:
-        raise ContractError(f"policy {path} carries no '{METADATA_KEY}' metadata; export it with `perch-hil train`")
+        raise ContractError(f"policy {path} carries no '{METADATA_KEY}' metadata; `perch-hil policy train` exports it")
     contract = parse_contract(text, f"policy {path}")
     size = session.get_inputs()[0].shape[-1]
     if size != contract.observation.dimension:

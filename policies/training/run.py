@@ -5,7 +5,8 @@
     run("state", "imitate", seed=1, out_dir=Path("training_runs/a"), resume=True)
 
 A checkpoint is written at least each minute and after each phase; a run that is killed and resumed gives the curve of
-one that was not. `perch-hil train` is the same on the command line, and `torchrun -m hil train` in several processes.
+one that was not. `perch-hil policy train` is the same on the command line, `torchrun -m hil policy train` in several
+processes.
 """
 
 from __future__ import annotations
@@ -177,4 +178,4 @@ def _log(out_dir: Path, numbers: dict) -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit("use `perch-hil train`, in several processes `torchrun --nproc-per-node=2 -m hil train`")
+    raise SystemExit("use `perch-hil policy train`; for several processes `torchrun ... -m hil policy train`")

@@ -1,4 +1,4 @@
-"""`perch-hil train` and `evaluate` as a user meets them."""
+"""`perch-hil policy train` and `policy evaluate` as a user meets them, by their flat names."""
 
 import json
 import signal

@@ -153,7 +153,7 @@ def test_who_is_silent_because_he_is_leaving_is_told_as_gone(tmp_path):
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ({"serves": "other"}, "brain was started for another run: give `perch-hil node` the same scenario"),
+        ({"serves": "other"}, "brain was started for another run: give `perch-hil bus node` the same scenario"),
         (
             {"serves": "this", "clock": {"shared": False, "error_ns": 9_000_000}},
             "brain: its host's clock can be compared with the hub's only to within 9.0 ms, allowed are 5",
