@@ -7,8 +7,9 @@ import time
 import numpy as np
 
 from kernel.jit import njit
+from vehicle.quadrotor import order_row
 from vehicle.quadrotor.airframe import GRAVITY, load_airframe
-from vehicle.quadrotor.batch import NEWER, ORDER_DIM, fly_rows
+from vehicle.quadrotor.batch import fly_rows
 from vehicle.quadrotor.dynamics import vehicle_row
 from vehicle.quadrotor.rate_control import fly
 
@@ -29,8 +30,8 @@ def run() -> dict[str, float]:
     _one(row, ctbr, params, 100_000)
     single = (time.perf_counter() - start) * 10.0
     rows, many = np.tile(row, (4096, 1)), np.tile(params, (4096, 1))
-    orders = np.zeros((4096, ORDER_DIM))
-    orders[:, NEWER : NEWER + 4] = ctbr
+    orders = np.zeros((4096, order_row.DIM))
+    orders[:, order_row.NEWER : order_row.NEWER + 4] = ctbr
     fly_rows(rows, orders, many, 0.01, 5)
     start = time.perf_counter()
     for _ in range(50):

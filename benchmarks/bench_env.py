@@ -25,8 +25,9 @@ import numpy as np
 
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
+from vehicle.quadrotor import order_row
 from vehicle.quadrotor.airframe import load_airframe
-from vehicle.quadrotor.batch import NEWER, ORDER_DIM, fly_rows
+from vehicle.quadrotor.batch import fly_rows
 from vehicle.quadrotor.dynamics import vehicle_row
 
 Rate = tuple[float, float]  # control steps a second, and a CPU second: what a busy machine leaves comparable
@@ -59,9 +60,9 @@ def measure(count: int, seconds: float, threads: int) -> dict[str, Rate]:
     airframe = load_airframe("paper_quad")
     hover = vehicle_row((0.0, 0.0, 2.0), motor=airframe.hover_thrust)
     rows, params = np.tile(hover, (count, 1)), np.tile(airframe.params_row(), (count, 1))
-    orders = np.zeros((count, ORDER_DIM))
-    orders[:, NEWER : NEWER + 3] = np.random.default_rng(0).normal(0.0, 0.3, (count, 3))
-    orders[:, NEWER + 3] = 9.8
+    orders = np.zeros((count, order_row.DIM))
+    orders[:, order_row.NEWER : order_row.NEWER + 3] = np.random.default_rng(0).normal(0.0, 0.3, (count, 3))
+    orders[:, order_row.NEWER + 3] = 9.8
     rates = {"vehicle": rate(lambda: fly_rows(rows, orders, params, TICK, 5), count, seconds)}
     actions = np.random.default_rng(1).normal(0.0, 0.1, (count, 4))
     for stage in ("state", "vision"):

@@ -12,7 +12,7 @@ from kernel.jit import njit
 def stream(*key: int) -> np.ndarray:
     """A stream (shape (1,), uint64) for an integer key such as (seed, node, episode); equal keys give equal streams.
 
-    SeedSequence ignores trailing zeros and splits large numbers, so every part is given two words and the length one.
+    SeedSequence ignores trailing zeros and splits large numbers, so every part takes two words and the length one.
     """
     words = [word for part in key for word in (part & 0xFFFFFFFF, part >> 32 & 0xFFFFFFFF)]
     return np.random.SeedSequence([*words, len(key) + 1]).generate_state(1, np.uint64)
@@ -36,6 +36,6 @@ def uniform(state, low, high):
 
 @njit
 def normal(state):
-    """One draw from N(0, 1) (Box-Muller, one of the pair is thrown away to keep the state one word)."""
+    """One draw from N(0, 1) (Box-Muller, one of the pair is dropped to keep the state one word)."""
     u = uniform(state, 1e-300, 1.0)
     return np.sqrt(-2.0 * np.log(u)) * np.cos(6.283185307179586 * uniform(state, 0.0, 1.0))

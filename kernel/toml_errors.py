@@ -1,4 +1,4 @@
-"""TOML read into a pydantic model, with one clear line for whoever made the typo.
+"""TOML read into a pydantic model, with one clear line for each fault.
 
 Used for everything a user edits (scenarios, rigs, airframes): the message names the file, the key, the nearest allowed
 key and what is allowed there.
@@ -20,7 +20,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class ConfigError(ValueError):
-    """A file the user can mend: the message says which, where and how."""
+    """A faulty file of the user: the message names the file, the key and the remedy."""
 
 
 def load_toml(path: Path, model: type[Model]) -> Model:
@@ -43,7 +43,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def validate(data: dict[str, Any], model: type[Model], where: str) -> Model:
     """`data` as `model`; ConfigError lists every fault, one a line, each starting with `where`.
 
-    In an array of tables the fault's place follows, as a person counts and calls it: `group 1 "one", item 2`.
+    In an array of tables the fault's place follows, counted from 1: `group 1 "one", item 2`.
     """
     try:
         return model.model_validate(data)
@@ -76,7 +76,7 @@ def nearest(word: str, allowed: Sequence[str]) -> str:
 
 
 def _follows(fault: Any) -> bool:
-    """An array is too short only because its faulty elements, each told by itself, were left out."""
+    """True if an array is too short only because its faulty elements, each reported by itself, were left out."""
     short = fault["type"] == "too_short" and isinstance(fault["input"], list)
     return short and len(fault["input"]) >= fault["ctx"]["min_length"]
 

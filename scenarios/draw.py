@@ -1,4 +1,4 @@
-"""What a seed decides: `draw(spec, seed)` turns every range and distribution of a scenario into numbers.
+"""Random draws of a run: `draw(spec, seed)` turns every range and distribution of a scenario into numbers.
 
 Each quantity has a random stream of its own, keyed by (seed, scenario name, quantity), so that adding one never shifts
 the others, and two scenarios with one seed differ. Equal spec and seed give equal numbers on any machine.
@@ -24,7 +24,7 @@ Vec3 = tuple[float, float, float]
 class Drawn:
     """One run's concrete numbers. Angles in rad; factors multiply the nominal value.
 
-    Seeds are keys for `kernel.random.stream(seed)`, one for each thing that draws while the run goes on.
+    Seeds are keys for `kernel.random.stream(seed)`, one for each component that draws numbers during the run.
     """
 
     scenario: str
@@ -44,7 +44,7 @@ class Drawn:
     thrust_gain: float  # achieved over asked thrust, beyond what the factors explain
     drag_factor: float
     camera_tilt_offset: float  # the mount's true tilt minus the nominal one, positive further down
-    camera_tilt_error: float  # the calibrated tilt minus the true one: what the detector does not know
+    camera_tilt_error: float  # calibrated minus true tilt: an error unknown to the detector
     # bias of the visual noise model (camera model only)
     vision_position_bias: Vec3  # m, world
     vision_orientation_bias: Vec3  # rad, rotation vector in the board frame
@@ -59,7 +59,7 @@ class Drawn:
     mocap_seed: int
 
     def table(self) -> dict[str, Any]:
-        """Everything as a plain table for a manifest; what never happens is None."""
+        """All numbers as a plain table for a manifest; an infinite time is None."""
         values = dataclasses.asdict(self)
         return {name: None if value == math.inf else value for name, value in values.items()}
 
@@ -120,11 +120,11 @@ def draw(spec: Scenario, seed: int) -> Drawn:
 
 
 def hover_pose(spec: Scenario, drawn: Drawn, x: float, y: float, heading: float) -> tuple[float, float, float, float]:
-    """Where the drone hovers (x, y, z in m, yaw in rad, world) if at `start.anchor` the car is at (x, y, heading).
+    """Hover pose (x, y, z in m, yaw in rad, world) for a car at (x, y, heading) at `start.anchor`.
 
     Behind the board by `distance`, turned by `azimuth` (counter-clockwise from above), `altitude` above its centre.
     """
-    bearing = heading + math.pi + drawn.azimuth  # from the board to the drone
+    bearing = heading + math.pi + drawn.azimuth  # from the board to the vehicle
     yaw = bearing + math.pi if spec.start.yaw == "board" else heading
     return (
         x + drawn.distance * math.cos(bearing),

@@ -125,7 +125,7 @@ class Tolerance(_Row):
 
 
 class Limits(_Row):
-    """Commanded thrust (m/s^2) and body rate (rad/s); speed and body rate the reward calls aggressive."""
+    """Commanded thrust (m/s^2) and body rate (rad/s); speed and body rate limits of the reward."""
 
     thrust_min: Number
     thrust_max: Number
@@ -207,7 +207,7 @@ def paper() -> Paper:
 
 
 def row_keys() -> list[str]:
-    """Every key `published` knows."""
+    """Every key that `published` accepts."""
     tables = {"real": paper().real, "state": paper().state, "vision": paper().vision}
     return [f"{table}.{row}" for table, rows in tables.items() for row in rows]
 

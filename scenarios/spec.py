@@ -1,7 +1,7 @@
-"""What a scenario file may say, and how it is found and read.
+"""The schema of a scenario file, and how it is found and read.
 
-A scenario says what happens: the board's path and speed law, the board, the start, the camera's rate, wind, limits
-and tolerances, and the published row to compare with. It is data only: nothing here builds a path or a node.
+A scenario defines the board's path and speed law, the board, the start, the camera's rate, wind, limits and
+tolerances, and the published row to compare with. It is data only: nothing here builds a path or a node.
 SI units; a unit stands in a name only where it is not SI. World ENU; the path frame's origin is the world's.
 """
 
@@ -39,7 +39,7 @@ class Table(BaseModel):
 
 
 class StaticPath(Table):
-    """The board stands at (x, y), facing `heading_deg` (counter-clockwise from east)."""
+    """The board stands at (x, y) with heading `heading_deg` (counter-clockwise from east)."""
 
     kind: Literal["static"]
     x: Number = 0.0
@@ -85,7 +85,7 @@ class ArcPath(Table):
 
 
 class ThenArc(Table):
-    """A tangential change to a circular arc, `after` (s, [low, high], drawn by the seed) the car has started."""
+    """A tangential change to a circular arc, `after` s (drawn from [low, high]) after the car's start."""
 
     after: Range
     radius: Positive
@@ -163,15 +163,16 @@ class Board(Table):
 
 
 class Start(Table):
-    """Where the drone hovers, in polar form about the board: behind it by `distance` (horizontal), above its centre by
-    `altitude`, `azimuth_deg` counter-clockwise from straight behind, seen from above. The seed draws from each range.
+    """Where the vehicle hovers, in polar form about the board: horizontal `distance` behind it, `altitude` above its
+    centre, `azimuth_deg` counter-clockwise from straight behind, seen from above. The seed draws from each range.
 
-    `anchor` says at which moment the board stands at the polar's centre: when the car starts or when the attempt does
-    (reference motion; the car comes from behind the drone then). `yaw` faces that board position or the car's heading.
+    `anchor`: the moment at which the board is at the centre of these coordinates, the car's start or the attempt's
+    start (by its reference motion; the car then comes from behind the vehicle). `yaw` faces that board position or the
+    car's heading.
 
-    `depression_max_deg`: the drone sees the board's centre at most this far below the horizon, or it would hover too
-    near above it to see it at all. The paper redraws a start until the board is visible; here the distance is drawn
-    from what the altitude leaves. Its camera sees 41 deg down, less the board's size and the mount's error.
+    `depression_max_deg`: limit of the board centre's angle below the horizon, so that the board is in the camera's
+    view. The paper redraws a start until the board is visible; here the distance is drawn from the range that the
+    altitude leaves. The camera's view reaches 41 deg down, less the board's size and the mount's error.
     """
 
     distance: Range
@@ -197,13 +198,13 @@ class Start(Table):
 
 
 class Car(Table):
-    """The car starts driving `lead` seconds before the attempt: before the policy may engage."""
+    """The car starts `lead` s before the attempt, that is before the policy may engage."""
 
     lead: NotNegative = 0.0
 
 
 class Camera(Table):
-    """Exposures a second."""
+    """`rate`: exposures a second."""
 
     rate: Annotated[Number, Field(gt=0, le=240)]
 
@@ -225,7 +226,7 @@ class Tolerance(Table):
 
 
 class Workspace(Table):
-    """The box the drone must stay in from hand-over to the end, in the world frame (z from the ground)."""
+    """The box the vehicle must stay in from hand-over to the end, in the world frame (z from the ground)."""
 
     x: Range = (-20.0, 20.0)
     y: Range = (-20.0, 20.0)
@@ -233,11 +234,11 @@ class Workspace(Table):
 
 
 class Randomisation(Table):
-    """What a seed varies: relative half-widths and half-widths of uniform draws (paper, domain randomisation).
+    """What a seed draws: relative half-widths and half-widths of uniform draws (paper, domain randomisation).
 
     `camera_calibration_deg` is the one-sigma part of the mount's tilt that a calibration leaves unknown (0.5 deg is
     0.02 m at 2 m, the paper's position bias); the biases are one-sigma and act where pictures are not rendered. `drag`
-    is not the paper's, whose equations have none: nobody knows it of an airframe that was not towed.
+    is not in the paper, whose equations have none; it is wide because drag is rarely measured.
     """
 
     mass: Annotated[Number, Field(ge=0, lt=1)] = 0.30

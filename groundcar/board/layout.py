@@ -1,10 +1,10 @@
 """The board that the vehicle perches on: its size and its tags, as data.
 
 Board frame: origin at the centre of the face, x up-slope, y left, z the outward normal. One large tag is read from far
-away; small ones, ten times smaller, are read from hand's breadth. Five stand on cell corners of the large one, where
-they cover none of its sample points. Five more stand in a row along the board's upper edge, beyond the large one's
-white ring: a camera that looks forward has them in its picture until a drone level with the board touches its centre.
-All edges lie on a grid of one small module, so the picture is exact.
+away; small ones, ten times smaller, are read from 0.1 m. Five are placed on cell corners of the large one, where they
+cover none of its sample points. Five more are in a row along the board's upper edge, outside the large one's white
+ring: a forward camera keeps them in its picture until a vehicle parallel to the board meets its centre.
+All edges lie on a grid of one small module, so the bitmap is exact.
 """
 
 from __future__ import annotations

@@ -34,9 +34,3 @@ def accelerate(value, asked, limit, dt):
 def wheel_speeds(speed, turn_rate, track):
     """Speeds of the left and right wheels (m/s) of a car with wheels `track` m apart."""
     return speed - 0.5 * track * turn_rate, speed + 0.5 * track * turn_rate
-
-
-@njit
-def body_twist(left, right, track):
-    """Forward speed (m/s) and turn rate (rad/s) from wheel speeds: the inverse of `wheel_speeds`."""
-    return 0.5 * (left + right), (right - left) / track

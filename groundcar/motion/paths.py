@@ -1,6 +1,6 @@
 """Paths of the board as kernels over one parameter u, and builders of their parameter rows.
 
-A path row has shape (P,), float64: where the path frame stands in the world (X0, Y0, HEADING) and the kind's numbers.
+A path row (groundcar.motion.path_row) holds where the path frame is in the world and the numbers of its kind.
 Paths are those of the paper's appendix "Trajectory Definitions and Parameters", plus a circle.
 
 | kind | u | one lap |
@@ -19,19 +19,12 @@ import math
 
 import numpy as np
 
-from groundcar.motion.splines import CONTROL, COUNT, MAX_CONTROL, spline_eval
+from groundcar.motion import path_row
+from groundcar.motion.splines import spline_eval
 from kernel.jit import njit
 
 STATIC, LINE, RACETRACK, FIGURE8, SPLINE, ARC = range(6)
 KINDS = {"static": STATIC, "line": LINE, "racetrack": RACETRACK, "figure8": FIGURE8, "spline": SPLINE, "arc": ARC}
-
-X0, Y0 = 0, 1  # m, origin of the path frame in the world
-HEADING = 2  # rad, of the path frame's x axis; COS and SIN belong to it
-COS, SIN = 3, 4
-SIZE = 5  # m: amplitude of the line, radius of racetrack and arc, scale of the figure-8
-LENGTH = 6  # m, straight of the racetrack; TURN of the arc shares the place
-TURN = 6
-P = CONTROL + 2 * MAX_CONTROL
 
 
 @njit
@@ -76,25 +69,25 @@ def _figure8(a, u):
 def path_eval(kind, params, u):
     """(x, y, dx, dy, ddx, ddy) in the world at `u`; derivatives with respect to u (m per unit of u).
 
-    `params` is a path row (P,). u may lie outside the first lap. STATIC and an unknown kind have zero derivatives.
+    `params` is a path row. u may lie outside the first lap. STATIC and an unknown kind have zero derivatives.
     """
     x = y = dx = dy = ddx = ddy = 0.0
     if kind == SPLINE:
         x, y, dx, dy, ddx, ddy = spline_eval(params, u)
     elif kind == LINE:
-        s = params[SIZE] * math.sin(u)
-        x, dx, ddx = s, params[SIZE] * math.cos(u), -s
+        s = params[path_row.SIZE] * math.sin(u)
+        x, dx, ddx = s, params[path_row.SIZE] * math.cos(u), -s
     elif kind == RACETRACK:
-        x, y, dx, dy, ddx, ddy = _racetrack(params[SIZE], params[LENGTH], u)
+        x, y, dx, dy, ddx, ddy = _racetrack(params[path_row.SIZE], params[path_row.LENGTH], u)
     elif kind == FIGURE8:
-        x, y, dx, dy, ddx, ddy = _figure8(params[SIZE], u)
+        x, y, dx, dy, ddx, ddy = _figure8(params[path_row.SIZE], u)
     elif kind == ARC:
-        x, s = params[SIZE] * math.cos(u), params[SIZE] * math.sin(u)
-        y, dx, dy, ddx, ddy = params[TURN] * s, -s, params[TURN] * x, -x, -params[TURN] * s
-    c, s = params[COS], params[SIN]
+        x, s = params[path_row.SIZE] * math.cos(u), params[path_row.SIZE] * math.sin(u)
+        y, dx, dy, ddx, ddy = params[path_row.TURN] * s, -s, params[path_row.TURN] * x, -x, -params[path_row.TURN] * s
+    c, s = params[path_row.COS], params[path_row.SIN]
     return (
-        params[X0] + c * x - s * y,
-        params[Y0] + s * x + c * y,
+        params[path_row.X0] + c * x - s * y,
+        params[path_row.Y0] + s * x + c * y,
         c * dx - s * dy,
         s * dx + c * dy,
         c * ddx - s * ddy,
@@ -108,9 +101,9 @@ def path_lap(kind, params):
     if kind == STATIC:
         return 1.0
     if kind == RACETRACK:
-        return 2.0 * params[LENGTH] + 2.0 * math.pi * params[SIZE]
+        return 2.0 * params[path_row.LENGTH] + 2.0 * math.pi * params[path_row.SIZE]
     if kind == SPLINE:
-        return params[COUNT]
+        return params[path_row.COUNT]
     return 2.0 * math.pi
 
 
@@ -126,8 +119,14 @@ def path_curvature(dx, dy, ddx, ddy):
 def _row(x: float, y: float, heading: float) -> np.ndarray:
     if not all(map(math.isfinite, (x, y, heading))):
         raise ValueError(f"a path's origin and heading must be finite, not ({x}, {y}, {heading})")
-    row = np.zeros(P)
-    row[X0], row[Y0], row[HEADING], row[COS], row[SIN] = x, y, heading, math.cos(heading), math.sin(heading)
+    row = np.zeros(path_row.DIM)
+    row[path_row.X0], row[path_row.Y0], row[path_row.HEADING], row[path_row.COS], row[path_row.SIN] = (
+        x,
+        y,
+        heading,
+        math.cos(heading),
+        math.sin(heading),
+    )
     return row
 
 
@@ -145,7 +144,7 @@ def static_path(x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> np.ndar
 def line_path(amplitude: float = 12.0, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> np.ndarray:
     """Path row of the reciprocating line about (x, y) m along `heading` rad (paper: amplitude 12 m)."""
     row = _row(x, y, heading)
-    row[SIZE] = _positive("the line's amplitude", amplitude)
+    row[path_row.SIZE] = _positive("the line's amplitude", amplitude)
     return row
 
 
@@ -154,14 +153,17 @@ def racetrack_path(
 ) -> np.ndarray:
     """Path row of two straights and two semicircles centred on (x, y) m (paper: 4 m, 4 m)."""
     row = _row(x, y, heading)
-    row[SIZE], row[LENGTH] = _positive("the racetrack's radius", radius), _positive("the straight", straight)
+    row[path_row.SIZE], row[path_row.LENGTH] = (
+        _positive("the racetrack's radius", radius),
+        _positive("the straight", straight),
+    )
     return row
 
 
 def figure8_path(scale: float = 4.0, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> np.ndarray:
     """Path row of the lemniscate centred on (x, y) m (paper: 4 m)."""
     row = _row(x, y, heading)
-    row[SIZE] = _positive("the figure-8's scale", scale)
+    row[path_row.SIZE] = _positive("the figure-8's scale", scale)
     return row
 
 
@@ -170,18 +172,18 @@ def arc_path(radius: float, turn: int = 1, x: float = 0.0, y: float = 0.0, headi
     if turn not in (-1, 1):
         raise ValueError(f"turn must be 1 (left) or -1 (right), not {turn}")
     row = _row(x, y, heading)
-    row[SIZE], row[TURN] = _positive("the circle's radius", radius), turn
+    row[path_row.SIZE], row[path_row.TURN] = _positive("the circle's radius", radius), turn
     return row
 
 
 def spline_path(controls: np.ndarray, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> np.ndarray:
     """Path row of a closed B-spline over control points (n, 2) m, 4 <= n <= MAX_CONTROL. Raises ValueError."""
     controls = np.asarray(controls, dtype=np.float64)
-    if controls.ndim != 2 or controls.shape[1] != 2 or not 4 <= len(controls) <= MAX_CONTROL:
-        raise ValueError(f"control points must have shape (4..{MAX_CONTROL}, 2), not {controls.shape}")
+    if controls.ndim != 2 or controls.shape[1] != 2 or not 4 <= len(controls) <= path_row.MAX_CONTROL:
+        raise ValueError(f"control points must have shape (4..{path_row.MAX_CONTROL}, 2), not {controls.shape}")
     if not np.isfinite(controls).all():
         raise ValueError("control points must be finite")
     row = _row(x, y, heading)
-    row[COUNT] = len(controls)
-    row[CONTROL : CONTROL + 2 * len(controls)] = controls.ravel()
+    row[path_row.COUNT] = len(controls)
+    row[path_row.CONTROL : path_row.CONTROL + 2 * len(controls)] = controls.ravel()
     return row

@@ -1,7 +1,8 @@
-"""What forward speed is asked of the board, as a kernel: constant, Ornstein-Uhlenbeck, cosine, scheduled.
+"""Speed laws of the board as kernels: constant, Ornstein-Uhlenbeck, oscillating (cosine), scheduled.
 
-A speed row has shape (S,), float64. Every law may be perturbed by the paper's OU factor exp(eta) if SIGMA > 0.
-On a reciprocating line the law gives the peak speed; the line's own cosine comes from its phase (trajectories.LINE).
+A speed row (groundcar.motion.speed_row) holds the numbers of one law. Every law may be perturbed by the paper's OU
+factor exp(eta) if SIGMA > 0. On a reciprocating line the law gives the peak speed; the line's own cosine comes from its
+phase (paths.LINE).
 """
 
 from __future__ import annotations
@@ -10,20 +11,12 @@ import math
 
 import numpy as np
 
+from groundcar.motion import speed_row
 from kernel.jit import njit
 from kernel.random import normal
 
 CONSTANT, OU, COSINE, SCHEDULED = range(4)
 KINDS = {"constant": CONSTANT, "ou": OU, "cosine": COSINE, "scheduled": SCHEDULED}
-
-V = 0  # m/s: speed of CONSTANT and OU, minimum of COSINE, first of SCHEDULED
-V2 = 1  # m/s: maximum of COSINE, second of SCHEDULED
-PERIOD = 2  # s, of COSINE; RAMP of SCHEDULED shares the place
-RAMP = 2
-PHASE = 3  # rad, of COSINE
-SWITCH = 4  # s, when SCHEDULED begins to change; inf: not yet known
-TAU, SIGMA = 5, 6  # s and 1, of the OU factor; SIGMA 0 draws nothing
-S = 8
 
 ETA = 0  # index in the law's state row (1,): logarithm of the OU factor
 
@@ -32,14 +25,14 @@ ETA = 0  # index in the law's state row (1,): logarithm of the OU factor
 def speed_nominal(kind, params, t):
     """The law's speed (m/s) at `t` seconds after the start, without the OU factor."""
     if kind == COSINE:
-        swing = 0.5 * (1.0 + math.cos(2.0 * math.pi * t / params[PERIOD] + params[PHASE]))
-        return params[V] + (params[V2] - params[V]) * swing
-    if kind == SCHEDULED and t > params[SWITCH]:
-        since = t - params[SWITCH]
-        if since >= params[RAMP]:
-            return params[V2]
-        return params[V] + (params[V2] - params[V]) * since / params[RAMP]
-    return params[V]
+        share = 0.5 * (1.0 + math.cos(2.0 * math.pi * t / params[speed_row.PERIOD] + params[speed_row.PHASE]))
+        return params[speed_row.V] + (params[speed_row.V2] - params[speed_row.V]) * share
+    if kind == SCHEDULED and t > params[speed_row.SWITCH]:
+        since = t - params[speed_row.SWITCH]
+        if since >= params[speed_row.RAMP]:
+            return params[speed_row.V2]
+        return params[speed_row.V] + (params[speed_row.V2] - params[speed_row.V]) * since / params[speed_row.RAMP]
+    return params[speed_row.V]
 
 
 @njit
@@ -47,12 +40,12 @@ def speed_law(kind, params, state, t, dt, stream):
     """The asked speed (m/s) at `t` seconds after the start; advances `state` (1,) by `dt` s if SIGMA > 0.
 
     The OU factor is the paper's: beta = dt / (tau + dt), eta <- (1 - beta) eta + sigma sqrt(beta) eps, v exp(eta).
-    `stream` ((1,) uint64) is touched only then.
+    `stream` ((1,) uint64) is drawn from only then.
     """
     v = speed_nominal(kind, params, t)
-    if params[SIGMA] > 0.0:
-        beta = dt / (params[TAU] + dt)
-        state[ETA] = (1.0 - beta) * state[ETA] + params[SIGMA] * math.sqrt(beta) * normal(stream)
+    if params[speed_row.SIGMA] > 0.0:
+        beta = dt / (params[speed_row.TAU] + dt)
+        state[ETA] = (1.0 - beta) * state[ETA] + params[speed_row.SIGMA] * math.sqrt(beta) * normal(stream)
         v *= math.exp(state[ETA])
     return v
 
@@ -61,22 +54,22 @@ def speed_law(kind, params, state, t, dt, stream):
 def speed_peak(kind, params):
     """Largest nominal speed (m/s): the v_des that a spline's curvature is checked against."""
     if kind in (COSINE, SCHEDULED):
-        return max(params[V], params[V2])
-    return params[V]
+        return max(params[speed_row.V], params[speed_row.V2])
+    return params[speed_row.V]
 
 
 def _row(**values: float) -> np.ndarray:
-    row = np.zeros(S)
-    row[TAU], row[PERIOD], row[SWITCH] = 1.0, 1.0, math.inf
+    row = np.zeros(speed_row.DIM)
+    row[speed_row.TAU], row[speed_row.PERIOD], row[speed_row.SWITCH] = 1.0, 1.0, math.inf
     for name, value in values.items():
         if math.isnan(value) or (value < 0.0 and name not in ("PHASE", "SWITCH")):
             raise ValueError(f"{name.lower()} of a speed law is {value}: give a number that is not negative")
-        row[globals()[name]] = value
+        row[getattr(speed_row, name)] = value
     return row
 
 
 def constant_speed(speed: float) -> np.ndarray:
-    """Speed row (S,) of kind CONSTANT. Raises ValueError for NaN or a negative number, as all builders here."""
+    """Speed row of kind CONSTANT. Raises ValueError for NaN or a negative number, as all builders here."""
     return _row(V=speed)
 
 

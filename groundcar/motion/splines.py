@@ -9,12 +9,9 @@ import math
 
 import numpy as np
 
+from groundcar.motion import path_row
 from kernel.jit import njit
 from kernel.random import uniform
-
-COUNT = 7  # index in a path row: number of control points
-CONTROL = 8  # index in a path row: x0, y0, x1, y1, ... in the path frame, m
-MAX_CONTROL = 16
 
 TURN_RATE_LIMIT = 1.2  # rad/s, paper
 RADIUS_MIN, RADIUS_MAX = 1.0, 12.0  # m, paper
@@ -27,17 +24,17 @@ _BISECTIONS = 10
 def _places(i, count):
     """Where segment i's four control points stand in a path row (remainders would cost more than the rest)."""
     return (
-        CONTROL + 2 * i,
-        CONTROL + 2 * (i + 1 if i + 1 < count else i + 1 - count),
-        CONTROL + 2 * (i + 2 if i + 2 < count else i + 2 - count),
-        CONTROL + 2 * (i + 3 if i + 3 < count else i + 3 - count),
+        path_row.CONTROL + 2 * i,
+        path_row.CONTROL + 2 * (i + 1 if i + 1 < count else i + 1 - count),
+        path_row.CONTROL + 2 * (i + 2 if i + 2 < count else i + 2 - count),
+        path_row.CONTROL + 2 * (i + 3 if i + 3 < count else i + 3 - count),
     )
 
 
 @njit
 def spline_eval(params, u):
     """(x, y, dx, dy, ddx, ddy) of the closed spline in the path frame; u in knots, any real number."""
-    count = int(params[COUNT])
+    count = int(params[path_row.COUNT])
     k = math.floor(u)
     t = u - k
     a, b, c, d = _places(int(k) % count, count)
@@ -60,7 +57,7 @@ def spline_eval(params, u):
 @njit
 def _segment(params, i):
     """Coefficients of segment i's first derivative, dx = a + b t + c t^2 and dy alike: (ax, bx, cx, ay, by, cy)."""
-    a, b, c, d = _places(i, int(params[COUNT]))
+    a, b, c, d = _places(i, int(params[path_row.COUNT]))
     return (
         0.5 * (params[c] - params[a]),
         params[a] - 2.0 * params[b] + params[c],
@@ -101,7 +98,7 @@ def max_curvature(params, enough=math.inf):
     limit = enough * enough
     best = 0.0
     step = 1.0 / _SAMPLES
-    for i in range(int(params[COUNT])):
+    for i in range(int(params[path_row.COUNT])):
         g = _segment(params, i)
         before, here = 0.0, _bend(g, 0.0)
         for k in range(_SAMPLES + 1):
@@ -117,12 +114,12 @@ def max_curvature(params, enough=math.inf):
 @njit
 def _place(params, radii, mean, alpha):
     """Write control points for radii mean + alpha (radii - mean), read from the work area `radii` (count,)."""
-    count = int(params[COUNT])
+    count = int(params[path_row.COUNT])
     for i in range(count):
         angle = 2.0 * math.pi * i / count
         r = mean + alpha * (radii[i] - mean)
-        params[CONTROL + 2 * i] = r * math.cos(angle)
-        params[CONTROL + 2 * i + 1] = r * math.sin(angle)
+        params[path_row.CONTROL + 2 * i] = r * math.cos(angle)
+        params[path_row.CONTROL + 2 * i + 1] = r * math.sin(angle)
 
 
 @njit
@@ -134,7 +131,7 @@ def random_spline(stream, params, v_des, count=12, r_min=RADIUS_MIN, r_max=RADIU
     which takes fast boards and small radii, it is widened until it is not: the paper does not cover that.
     """
     limit = turn_rate_limit / max(v_des, SPEED_FLOOR)
-    params[COUNT] = count
+    params[path_row.COUNT] = count
     radii = np.empty(count)
     mean = 0.0
     for i in range(count):

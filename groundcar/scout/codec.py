@@ -58,7 +58,7 @@ def feedback_names() -> list[str]:
 
 @cache
 def _ranges(name: str) -> dict[str, tuple[float, float]]:
-    """What each signal may be: the DBC's range, or what its bits hold."""
+    """Range of each signal: the DBC's, or that of its bits."""
     ranges = {}
     for s in message(name).signals:
         low, high = (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
@@ -85,10 +85,10 @@ def encode(name: str, values: Mapping[str, float]) -> Frame:
 
 
 class Decoder:
-    """Frames to values for one end of the bus; what does not belong there is counted, never raised."""
+    """Frames to values for one end of the bus; a foreign frame is counted, never raised."""
 
     def __init__(self, names: Iterable[str]) -> None:
-        """`names`: the messages this end listens to. Raises ValueError for one that the DBC does not have."""
+        """`names`: the messages this end receives. Raises ValueError for one that the DBC does not have."""
         self._by_id = {can_id(name): message(name) for name in names}
         self._short = frozenset(can_id(name) for name in SHORT_COMMANDS)
         self.unknown_ids = 0

@@ -1,4 +1,4 @@
-"""Where a car is by what its wheels say: the stand-in for its true pose where nothing else measures it."""
+"""The car's pose by dead reckoning from its wheels, where nothing else measures it."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from groundcar.motion.board_motion import HEADING, INCLINATION, SPEED, TURN_RATE, X, Y, Z
+from groundcar.motion import board_row
 from groundcar.motion.kinematics import drive
 
-_LONGEST_S = 0.5  # a car that has said nothing for longer is not taken to have driven on
+_LONGEST_S = 0.5  # without a report for longer the car is assumed to stand
 
 
 class DeadReckoning:
-    """Integrates speed and turn rate from a known pose. Skidding wheels make the heading drift from the true one."""
+    """Integrates speed and turn rate from a known pose. Skid steering makes the heading drift from the true one."""
 
     def __init__(self, pose: tuple[float, float, float], height: float, inclination: float) -> None:
         """`pose`: x, y (m) and heading (rad) at the start; `height` (m) and `inclination` (rad): the board's."""
@@ -23,7 +23,7 @@ class DeadReckoning:
         self._height, self._inclination = height, inclination
 
     def add(self, stamp_ns: int, speed: float, turn_rate: float) -> None:
-        """What the car reported at `stamp_ns`: m/s, rad/s. What is not newer, or not finite, changes nothing."""
+        """Add the car's report at `stamp_ns`: m/s, rad/s. A report that is not newer or not finite is ignored."""
         if not (math.isfinite(speed) and math.isfinite(turn_rate)):
             return
         if self._stamp_ns is not None:
@@ -35,9 +35,13 @@ class DeadReckoning:
     def board_row(self, now_ns: int) -> np.ndarray:
         """The board row (8,) of `groundcar.motion.board_motion` at `now_ns`, predicted from the last report."""
         x, y, heading = self._at(now_ns)
-        row = np.zeros(8)
-        row[X], row[Y], row[Z], row[HEADING] = x, y, self._height, heading
-        row[SPEED], row[TURN_RATE], row[INCLINATION] = self._speed, self._turn_rate, self._inclination
+        row = np.zeros(board_row.DIM)
+        row[board_row.X], row[board_row.Y], row[board_row.Z], row[board_row.HEADING] = x, y, self._height, heading
+        row[board_row.SPEED], row[board_row.TURN_RATE], row[board_row.INCLINATION] = (
+            self._speed,
+            self._turn_rate,
+            self._inclination,
+        )
         return row
 
     def _at(self, now_ns: int) -> tuple[float, float, float]:

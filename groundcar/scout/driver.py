@@ -1,7 +1,7 @@
 """The driver of the Scout Mini: the same code for the real car and the simulated one, on any CAN wire.
 
-It asks for CAN control once it hears the car, sends motion commands at 50 Hz while it is given fresh ones, and sends
-nothing at all otherwise: an old command repeated would defeat the car's own 500 ms watchdog.
+It requests CAN control once it receives the car's state, sends motion commands at 50 Hz while it gets fresh ones, and
+sends nothing otherwise: a repeated old command would defeat the car's own 500 ms watchdog.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ WHEEL_BITS = ("under_voltage", "motor_hot", "over_current", "driver_hot", "can_l
 
 
 class CanWire(Protocol):
-    """A CAN bus: `receive` never blocks; frames are (can_id, data) pairs, sent ones are `scout_codec.Frame`."""
+    """A CAN bus: `receive` never blocks; frames are (can_id, data) pairs; `send` is False for a refused frame."""
 
-    def send(self, frame: Any, /) -> None: ...
+    def send(self, frame: Any, /) -> bool | None: ...
 
     def receive(self) -> Iterable[tuple[int, bytes]]: ...
 
 
 class Command(NamedTuple):
-    """What the car shall do, and when that was decided. Any object with these attributes will do."""
+    """A command to the car and the time of its decision. Any object with these attributes is accepted."""
 
     stamp_ns: int
     speed: float  # m/s
@@ -34,7 +34,7 @@ class Command(NamedTuple):
 
 
 class Feedback(NamedTuple):
-    """What the car last said. `stamp_ns` is the arrival of its last motion state, 0 before the first."""
+    """The car's last report. `stamp_ns` is the arrival of its last motion state, 0 before the first."""
 
     stamp_ns: int
     speed: float  # m/s, of the wheels
@@ -70,11 +70,11 @@ class ScoutLink:
 
     @property
     def ready(self) -> bool:
-        """True while the car is heard, grants CAN control and reports no fault."""
+        """True while the car reports, grants CAN control and reports no fault."""
         return self._mode == "can" and not self._fault
 
     def step(self, now_ns: int, command: Any | None = None) -> Feedback:
-        """Hear the car, then send what is due. `command`: a Command or its like, or None to send nothing.
+        """Read the car's frames, then send what is due. `command`: a Command or its like, or None to send nothing.
 
         A command that is not finite, from the future or older than `command_max_age` is refused and counted. Raises
         WrongProtocolError if the car speaks V1.
@@ -95,7 +95,7 @@ class ScoutLink:
         self._wire.send(encode("BrakeCommand", {"lock": lock}))
 
     def clear_errors(self, motor: int = 0) -> None:
-        """Ask the car to forget its faults: of one motor (1 to 4), or all (0)."""
+        """Ask the car to clear its faults: of one motor (1 to 4), or all (0)."""
         self._wire.send(encode("ClearErrors", {"motor": motor}))
 
     def light(self, front: int) -> None:
@@ -157,8 +157,7 @@ class ScoutLink:
             return
         on_grid = self._motion_ns is not None and now_ns - self._motion_ns < 2 * period
         self._motion_ns = self._motion_ns + period if on_grid and self._motion_ns is not None else now_ns
-        self._wire.send(self._motion_frame(command))
-        self._sent += 1
+        self._sent += self._wire.send(self._motion_frame(command)) is not False  # a refused frame was not sent
 
     def _motion_frame(self, command: Any) -> Frame:
         speed = min(max(command.speed, -self._limits.speed), self._limits.speed)

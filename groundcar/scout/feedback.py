@@ -1,4 +1,4 @@
-"""What the simulated car says of itself: feedback frames at their cycles, and the battery behind their numbers."""
+"""The simulated car's feedback: CAN frames at their cycles, and the battery model whose values they carry."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from groundcar.motion.kinematics import wheel_speeds
-from groundcar.scout import physics as ph
+from groundcar.scout import car_row
 from groundcar.scout.codec import encode
 from groundcar.scout.params import Battery as BatteryParams
 from groundcar.scout.params import Geometry
@@ -75,7 +75,7 @@ class FeedbackSender:
         self.muted: frozenset[str] = frozenset()
 
     def due(self, name: str, now_ns: int) -> bool:
-        """True once a cycle; cycles that were missed altogether are not made up for."""
+        """True once a cycle; cycles that were missed are not sent later."""
         cycle, due = CYCLES_NS[name], self._next_ns.get(name, now_ns)
         if now_ns < due:
             return False
@@ -93,7 +93,7 @@ class FeedbackSender:
         battery: Battery,
     ) -> None:
         """`state` is a row of groundcar.scout.physics, `system` and `mode` are 0x211's."""
-        left, right = wheel_speeds(state[ph.WHEEL_SPEED], state[ph.WHEEL_TURN], self._geometry.track)
+        left, right = wheel_speeds(state[car_row.WHEEL_SPEED], state[car_row.WHEEL_TURN], self._geometry.track)
         per_metre = 60.0 / (2.0 * math.pi * self._geometry.wheel_radius)
         for name in CYCLES_NS:
             if not self.due(name, now_ns):
@@ -104,16 +104,18 @@ class FeedbackSender:
                 values = {"state": system, "mode": mode, "battery": battery.voltage, "count": self._count}
                 values |= {"under_voltage": battery.empty, "under_voltage_warning": battery.low}
             elif name == "MotionState":
-                values = {"speed": float(state[ph.WHEEL_SPEED]), "turn_rate": float(state[ph.WHEEL_TURN])}
+                values = {"speed": float(state[car_row.WHEEL_SPEED]), "turn_rate": float(state[car_row.WHEEL_TURN])}
             elif name == "Odometry":
-                values = {"left": float(state[ph.LEFT]), "right": float(state[ph.RIGHT])}
+                values = {"left": float(state[car_row.LEFT]), "right": float(state[car_row.RIGHT])}
             elif name == "LightState":
                 values = self.light
             elif name == "Bms":
                 values = {"charge": 100.0 * battery.charge, "health": 100, "voltage": battery.voltage}
                 values |= {"current": -battery.current, "temperature": 25.0}
             elif name.startswith("Motor"):  # 1 right front, 2 left front, 3 left rear, 4 right rear (assumed)
-                side, rolled = (right, state[ph.RIGHT]) if name in ("Motor1", "Motor4") else (left, state[ph.LEFT])
+                side, rolled = (
+                    (right, state[car_row.RIGHT]) if name in ("Motor1", "Motor4") else (left, state[car_row.LEFT])
+                )
                 pulses = int(rolled * self._geometry.pulses_per_metre)
                 values = {"rpm": float(side) * per_metre, "current": battery.current / 4.0, "pulses": pulses}
             elif name.startswith("Driver"):

@@ -4,7 +4,7 @@ Law of Kanayama et al. (ICRA 1990) with signed speed, so that it also backs alon
 (along, across, heading) seen from the car,
     speed = v_ff cos(e_heading) + K_along e_along
     turn rate = w_ff + K_across v_ref e_across + K_heading sin(e_heading)
-The feed-forward is the reference's twist `lead` seconds ahead, because the car answers late.
+The feed-forward is the reference's twist `lead` seconds ahead, because the car responds with a delay.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundcar.motion import board_motion as m
+from groundcar.motion import board_row, motion_row
 from groundcar.motion.board_motion import motion_future, motion_reset, motion_step
 from groundcar.motion.kinematics import drive
 from groundcar.motion.paths import LINE
+from groundcar.scout import gains_row
 from groundcar.scout.driver import Command
 from groundcar.scout.params import ScoutParams, load_scout
 from kernel.jit import njit
@@ -27,7 +28,7 @@ MAX_AGE_NS = 200_000_000  # a measurement is predicted no further than this
 
 
 class CarRef(NamedTuple):
-    """Where the car shall be at `stamp_ns` (m, rad, m/s signed, rad/s; world)."""
+    """Reference of the car at `stamp_ns` (m, rad, m/s signed, rad/s; world)."""
 
     stamp_ns: int
     x: float
@@ -38,18 +39,27 @@ class CarRef(NamedTuple):
 
 
 @njit
-def follow(reference, ahead, x, y, heading, gains, limits):
+def follow(reference, ahead, x, y, heading, gains):
     """(speed, turn rate) for a car at (x, y, heading); `reference` and `ahead`: board rows (8,), now and `lead` on.
 
-    gains: (along, across, heading, correction limit); limits: (speed, turn rate).
+    `gains`: a gains row (groundcar.scout.gains_row).
     """
-    dx, dy = reference[m.X] - x, reference[m.Y] - y
+    dx, dy = reference[board_row.X] - x, reference[board_row.Y] - y
     c, s = math.cos(heading), math.sin(heading)
-    turned = reference[m.HEADING] - heading
-    correction = max(-gains[3], min(gains[3], gains[0] * (c * dx + s * dy)))
-    speed = ahead[m.SPEED] * math.cos(turned) + correction
-    turn = ahead[m.TURN_RATE] + gains[1] * reference[m.SPEED] * (c * dy - s * dx) + gains[2] * math.sin(turned)
-    return max(-limits[0], min(limits[0], speed)), max(-limits[1], min(limits[1], turn))
+    turned = reference[board_row.HEADING] - heading
+    correction = max(
+        -gains[gains_row.CORRECTION],
+        min(gains[gains_row.CORRECTION], gains[gains_row.ALONG] * (c * dx + s * dy)),
+    )
+    speed = ahead[board_row.SPEED] * math.cos(turned) + correction
+    turn = (
+        ahead[board_row.TURN_RATE]
+        + gains[gains_row.ACROSS] * reference[board_row.SPEED] * (c * dy - s * dx)
+        + gains[gains_row.HEADING] * math.sin(turned)
+    )
+    return max(-gains[gains_row.SPEED_LIMIT], min(gains[gains_row.SPEED_LIMIT], speed)), max(
+        -gains[gains_row.TURN_RATE_LIMIT], min(gains[gains_row.TURN_RATE_LIMIT], turn)
+    )
 
 
 class Follower:
@@ -58,37 +68,38 @@ class Follower:
     def __init__(self, aux: np.ndarray, u: float, stream: np.ndarray, params: ScoutParams | None = None) -> None:
         """`aux`: row of `motion.motion_aux` (copied); `u`: where on the path to start; `stream`: of the speed law.
 
-        The reference sets off from rest with the gains' acceleration, unless the aux row has a lower limit of its own;
+        The reference starts from rest with the gains' acceleration, unless the aux row has a lower limit of its own;
         on a line that starts near its turning point it is at once the closed form.
         """
         params = params or load_scout()
         gains, limits = params.follower, params.limits
-        self._aux, self._stream, self._row = aux.copy(), stream.copy(), np.zeros(8)
-        turning = aux[m.PATH_KIND] == LINE and abs(math.cos(u)) < 0.05
+        self._aux, self._stream, self._row = aux.copy(), stream.copy(), np.zeros(board_row.DIM)
+        turning = aux[motion_row.PATH_KIND] == LINE and abs(math.cos(u)) < 0.05
         if not turning:
-            self._aux[m.ACCEL_LIMIT] = min(aux[m.ACCEL_LIMIT], gains.acceleration)
+            self._aux[motion_row.ACCEL_LIMIT] = min(aux[motion_row.ACCEL_LIMIT], gains.acceleration)
         motion_reset(self._row, self._aux, u, 0.0, 0.0, turning)
         self._lead = gains.lead
-        self._gains = np.array([gains.along, gains.across, gains.heading, gains.correction])
-        self._limits = np.array([limits.speed, limits.turn_rate])
+        self._gains = np.array(
+            [gains.along, gains.across, gains.heading, gains.correction, limits.speed, limits.turn_rate]
+        )
         self._start_ns: int | None = None
         self._ticked_ns = 0
 
     @property
     def start_pose(self) -> tuple[float, float, float]:
-        """Where the car shall stand before the start: x, y (m), heading (rad)."""
-        return float(self._row[m.X]), float(self._row[m.Y]), float(self._row[m.HEADING])
+        """Pose of the car before the start: x, y (m), heading (rad)."""
+        return float(self._row[board_row.X]), float(self._row[board_row.Y]), float(self._row[board_row.HEADING])
 
     def preview(self, seconds: float) -> np.ndarray:
         """Board row (8,) of the reference `seconds` after now (before the start: after the start), noise frozen."""
         ticks = max(1, math.ceil(seconds * 1e9 / TICK_NS - 1e-6))
-        out = np.zeros((ticks, 8))
+        out = np.zeros((ticks, board_row.DIM))
         motion_future(self._row, self._aux, seconds / ticks, ticks, out)
         return out[-1] if seconds > 0.0 else self._row.copy()
 
     def start(self, now_ns: int) -> None:
-        """The reference sets off at `now_ns` (may lie ahead); until then the car is held still. A second call does
-        nothing: the car is on its way."""
+        """The reference starts at `now_ns` (may lie ahead); until then the car is held still. A second call has
+        no effect."""
         if self._start_ns is None:
             self._start_ns = self._ticked_ns = now_ns
 
@@ -102,10 +113,10 @@ class Follower:
         turn_rate: float,
         stamp_ns: int | None = None,
     ) -> tuple[CarRef, Command]:
-        """The reference at `now_ns` and what to ask of the car whose pose and twist were measured at `stamp_ns`.
+        """The reference at `now_ns` and the command for the car whose pose and twist were measured at `stamp_ns`.
 
         Pose: m, m, rad, world; twist: m/s signed, rad/s. An older measurement is predicted to now. Raises ValueError if
-        a number is not finite: the caller must drop such a measurement, not drive by it.
+        a number is not finite: the caller must drop such a measurement.
         """
         if not all(map(math.isfinite, (x, y, heading, speed, turn_rate))):
             raise ValueError(
@@ -121,10 +132,12 @@ class Follower:
         if stamp_ns is not None:
             age = min(max(now_ns - stamp_ns, 0), MAX_AGE_NS) * 1e-9
             x, y, heading = drive(x, y, heading, speed, turn_rate, age)
-        v, w = follow(reference, ahead, x, y, heading, self._gains, self._limits)
+        v, w = follow(reference, ahead, x, y, heading, self._gains)
         return _shown(now_ns, reference), Command(now_ns, float(v), float(w))
 
 
 def _shown(now_ns: int, row: np.ndarray, standing: bool = False) -> CarRef:
-    x, y, heading, speed, turn_rate = (float(row[i]) for i in (m.X, m.Y, m.HEADING, m.SPEED, m.TURN_RATE))
+    x, y, heading, speed, turn_rate = (
+        float(row[i]) for i in (board_row.X, board_row.Y, board_row.HEADING, board_row.SPEED, board_row.TURN_RATE)
+    )
     return CarRef(now_ns, x, y, heading, 0.0 if standing else speed, 0.0 if standing else turn_rate)

@@ -1,4 +1,4 @@
-"""What is known or assumed of the car, read from `scout_mini.toml` (every number's source stands there)."""
+"""Parameters of the car, read from `scout_mini.toml`, which gives the source of every number."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Geometry(_Table):
 
 
 class Limits(_Table):
-    """What may be asked of the car: m/s, rad/s."""
+    """Limits of commands: m/s, rad/s."""
 
     speed: Annotated[float, Field(gt=0, le=3.0)]
     turn_rate: Annotated[float, Field(gt=0, le=2.5235)]
@@ -56,7 +56,7 @@ class Protocol(_Table):
 
 
 class Response(_Table):
-    """How the simulated car answers; SI units."""
+    """Response of the simulated car; SI units."""
 
     delay: NotNegative
     speed_frequency: Positive

@@ -1,7 +1,7 @@
-"""The simulated Scout Mini behind its CAN wire: what answers at the other end of the bus instead of the car.
+"""The simulated Scout Mini behind its CAN wire: the other end of the bus in place of the car.
 
 Power-on is standby, where only 0x421 is obeyed; the remote control has priority; 500 ms without a motion command stop
-the car; e-stop, faults and an empty battery stop it too. Physics: groundcar.scout.physics. No clock: `step` says.
+the car; e-stop, faults and an empty battery stop it too. Physics: groundcar.scout.physics. Time comes from `step`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from groundcar.motion import board_row
 from groundcar.motion.kinematics import wrap
+from groundcar.scout import car_row
 from groundcar.scout import physics as ph
 from groundcar.scout.codec import COMMANDS, V1_STATE_ID, Decoder, Frame
 from groundcar.scout.feedback import Battery, FeedbackSender
@@ -52,7 +54,7 @@ class ScoutSim:
         own = stream(seed, 0x5C0)
         self._row = ph.physics_row(self._params, own)
         self._stream = stream(seed, 0x5C1)
-        self._state = np.zeros(ph.NSTATE)
+        self._state = np.zeros(car_row.DIM)
         self.battery = Battery(self._params.battery, self._params.spread.battery, own)
         self._decoder = Decoder(COMMANDS)
         self._sender = FeedbackSender(self._params.geometry)
@@ -68,34 +70,36 @@ class ScoutSim:
         self.place(*pose)
 
     def place(self, x: float, y: float, heading: float) -> None:
-        """Set the car down at rest. Raises ValueError unless all are finite."""
+        """Place the car at rest. Raises ValueError unless all are finite."""
         if not all(map(math.isfinite, (x, y, heading))):
             raise ValueError(f"the car cannot be placed at ({x}, {y}, {heading}): give finite numbers")
         self._state[:] = 0.0
-        self._state[[ph.X, ph.Y, ph.HEADING]] = x, y, heading
+        self._state[[car_row.X, car_row.Y, car_row.HEADING]] = x, y, heading
         self._pending.clear()
         self._asked = (0.0, 0.0)
 
-    # what really is: for the board, motion capture and tests, never for the driver
+    # truth: for the board, motion capture and tests, never for the driver
 
     @property
     def pose(self) -> Pose:
         """True pose at the last step."""
-        return Pose(float(self._state[ph.X]), float(self._state[ph.Y]), float(wrap(self._state[ph.HEADING])))
+        return Pose(
+            float(self._state[car_row.X]), float(self._state[car_row.Y]), float(wrap(self._state[car_row.HEADING]))
+        )
 
     @property
     def speed(self) -> float:
         """True forward speed, m/s."""
-        return float(self._state[ph.SPEED])
+        return float(self._state[car_row.SPEED])
 
     @property
     def turn_rate(self) -> float:
         """True turn rate, rad/s."""
-        return float(self._state[ph.TURN_RATE])
+        return float(self._state[car_row.TURN_RATE])
 
     def board_row(self, height: float, inclination: float, out: np.ndarray | None = None) -> np.ndarray:
         """The board that the car carries as a board row (8,) of groundcar.motion.board_motion; u is 0."""
-        row = np.zeros(8) if out is None else out
+        row = np.zeros(board_row.DIM) if out is None else out
         row[:] = (*self.pose[:2], height, self.pose.heading, self.speed, self.turn_rate, inclination, 0.0)
         return row
 
@@ -111,7 +115,7 @@ class ScoutSim:
         """Frames of wrong length or unknown identifier."""
         return self._decoder.rejected
 
-    # faults and what people do to the car
+    # faults and operators' actions
 
     def press_estop(self, pressed: bool = True) -> None:
         """The red button at the back."""
@@ -137,13 +141,13 @@ class ScoutSim:
             self._faults[fault, wheel] = False
 
     def mute(self, *names: str) -> None:
-        """Feedback messages that the car no longer sends; none: it sends all again."""
+        """Feedback messages that the car stops sending; without names it sends all again."""
         self._sender.muted = frozenset(names)
 
     # the bus
 
     def step(self, now_ns: int) -> None:
-        """Move up to `now_ns`, hear the bus, send what is due. Raises ValueError if time runs backward."""
+        """Advance to `now_ns`, read the bus, send what is due. Raises ValueError if time runs backward."""
         if self._time_ns is None:
             self._time_ns = now_ns
         if now_ns < self._time_ns - ph.STEP_NS:
@@ -170,7 +174,7 @@ class ScoutSim:
         stopping = self._brake or self.state != OK
         dt = ph.STEP_NS * 1e-9
         ph.physics_step(self._state, self._row, asked[0], asked[1], stopping, dt, self._stream)
-        self.battery.use(float(self._state[ph.WHEEL_ACCEL]), float(self._state[ph.WHEEL_SPEED]), dt)
+        self.battery.use(float(self._state[car_row.WHEEL_ACCEL]), float(self._state[car_row.WHEEL_SPEED]), dt)
 
     def _hear(self, frame: tuple[int, bytes], now_ns: int) -> None:
         heard = self._decoder.decode(frame) if self._protocol == 2 else None

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from groundcar.motion import board_motion as motion
+from groundcar.motion import board_row, motion_row, splines
 from groundcar.motion import paths as trajectories
 from groundcar.motion import speed_laws as laws
-from groundcar.motion import splines
 from kernel.random import stream
 from scenarios import spec
 from scenarios.draw import Drawn, hover_pose
@@ -70,8 +70,8 @@ def start_parameter(scenario: spec.Scenario, drawn: Drawn, aux: np.ndarray) -> f
     """Path parameter u at which the car waits."""
     if isinstance(scenario.path, spec.LinePath):
         return math.radians(scenario.path.phase_deg)
-    kind = int(aux[motion.PATH_KIND])
-    return drawn.lap_start * trajectories.path_lap(kind, aux[motion.PATH_ROW : motion.PATH_ROW + trajectories.P])
+    kind = int(aux[motion_row.PATH_KIND])
+    return drawn.lap_start * trajectories.path_lap(kind, aux[motion_row.PATH : motion_row.DIM])
 
 
 def start_board(scenario: spec.Scenario, drawn: Drawn) -> np.ndarray:
@@ -90,9 +90,9 @@ def hover_start(scenario: spec.Scenario, drawn: Drawn, accel_limit: float) -> tu
     row = start_board(scenario, drawn)
     if scenario.start.anchor == "attempt_start":
         aux = motion_aux(scenario, drawn)
-        aux[motion.ACCEL_LIMIT] = accel_limit
-        motion.motion_reset(row, aux, row[motion.U], row[motion.Z], row[motion.INCLINATION], False)
+        aux[motion_row.ACCEL_LIMIT] = accel_limit
+        motion.motion_reset(row, aux, row[board_row.U], row[board_row.Z], row[board_row.INCLINATION], False)
         speed_stream = stream(drawn.speed_seed)
         for _ in range(round(scenario.car.lead / _STEP)):
             motion.motion_step(row, aux, _STEP, speed_stream)
-    return hover_pose(scenario, drawn, float(row[motion.X]), float(row[motion.Y]), float(row[motion.HEADING]))
+    return hover_pose(scenario, drawn, float(row[board_row.X]), float(row[board_row.Y]), float(row[board_row.HEADING]))

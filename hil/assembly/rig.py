@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from hil.safety.gate import CarGateLimits, GateLimits
+from hil.safety.limits import CarGateLimits, GateLimits
 from hil.wires import WireError
 from hil.wires.url import check_url
 from kernel.toml_errors import ConfigError, load_toml, nearest
@@ -24,7 +24,11 @@ class VehicleSlot(_Section):
     its true pose in what they see."""
 
     kind: Literal["sim", "mavlink"] = "sim"
-    url: str = Field(default="", description="of kind mavlink: udp://:14540, tcp://HOST:PORT, serial:///dev/ttyACM0")
+    url: str = Field(
+        default="", description="of kind mavlink: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0"
+    )
+    system: int = Field(default=1, ge=1, le=255, description="of kind mavlink: MAV_SYS_ID of the autopilot")
+    component: int = Field(default=1, ge=1, le=255, description="of kind mavlink: MAV_COMP_ID of the autopilot")
     airframe: str = "paper_quad"
     clock_drift: float = Field(default=1e-4, gt=0, le=0.1, description="of the autopilot's clock; a SITL needs 0.03")
     signing_key: str = Field(
@@ -57,7 +61,7 @@ class VehicleSlot(_Section):
 
 class GroundcarSlot(_Section):
     """The car under the board. `interface` and `channel` are python-can's, for kind can. While motion capture or camera
-    are simulated, they see a real car where its wheels say that it is, from the scenario's start on."""
+    are simulated, they see a real car where its wheel odometry puts it, from the scenario's start on."""
 
     kind: Literal["sim", "can"] = "sim"
     interface: Literal["socketcan", "udp_multicast", "virtual"] = "socketcan"
@@ -68,7 +72,7 @@ class GroundcarSlot(_Section):
 class Calibration(_Section):
     """A real camera's, as OpenCV's calibration gives it: px, pixel centres at integers; k1, k2, p1, p2, k3.
 
-    Pictures are freed of their distortion before anybody sees them. The defaults are the paper's ideal camera.
+    Pictures are undistorted before they are published. The defaults are the paper's ideal camera.
     """
 
     width: int = Field(default=1280, ge=160, le=4096)
@@ -139,7 +143,7 @@ class MocapSlot(_Section):
 
 class PolicySlot(_Section):
     """What flies: `vision` (the network that comes with the project), `planner`, or the path of an ONNX file with the
-    house's contract."""
+    contract of `policies/flying/contract.py`."""
 
     kind: str = "vision"
 
@@ -148,6 +152,7 @@ class Rig(_Section):
     """One rig file."""
 
     title: str
+    crew_keys: tuple[str, ...] = Field(default=(), description="public keys (PEM, Ed25519): a go must be signed by one")
     vehicle: VehicleSlot = VehicleSlot()
     groundcar: GroundcarSlot = GroundcarSlot()
     camera: CameraSlot = CameraSlot()

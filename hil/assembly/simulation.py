@@ -9,12 +9,6 @@ from hil.assembly.builder import Assembly
 from hil.assembly.rig import Rig
 from hil.contract.node import Node
 from hil.contract.wire import memory_pair
-from hil.nodes.camera_device import CameraDevice
-from hil.nodes.car import CarLink
-from hil.nodes.detector import Detector
-from hil.nodes.director import Director
-from hil.nodes.mocap_device import MocapDevice
-from hil.nodes.vehicle import VehicleLink
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario
@@ -28,9 +22,7 @@ class Simulation:
     """The nodes and what the host must know of them. `camera` is the calibrated one."""
 
     nodes: list[Node]
-    director: Director
     camera: Camera
-    counters: Callable[[], dict[str, int]]
 
 
 class MemoryWires:
@@ -62,28 +54,9 @@ def build(scenario: Scenario, rig: Rig, drawn: Drawn, policy: FlyingPolicy, cloc
         raise ValueError(f"rig {rig.title!r} has real devices, which keep real time: fly it with --live")
     assembly = Assembly(scenario, rig, drawn, lambda: policy, MemoryWires(rig, clock))
     nodes = [assembly.node(name) for name in assembly.names]
-    director = next(node for node in nodes if isinstance(node, Director))
-    return Simulation(nodes, director, assembly.camera, lambda: counters(nodes))
+    return Simulation(nodes, assembly.camera)
 
 
 def counters(nodes: Sequence[Node]) -> dict[str, int]:
-    """What these nodes rejected or dropped, in words."""
-    counts: dict[str, int] = {}
-    for node in nodes:
-        if isinstance(node, VehicleLink):
-            counts["bytes of garbage on the vehicle's wire"] = node.garbage
-            counts["commands too old to send"] = node.refused
-        elif isinstance(node, CarLink):
-            counts["frames rejected on the car's wire"] = node.rejected
-            counts["commands too old to send to the car"] = node.refused
-        elif isinstance(node, CameraDevice):
-            counts["pictures replaced before they were read"] = node.dropped
-            counts["cameras lost"] = node.losses
-        elif isinstance(node, MocapDevice):
-            counts["poses of motion capture rejected"] = node.rejected
-            counts["times a body was hidden from motion capture"] = node.hidings
-            counts["motion capture systems lost"] = node.losses
-        elif isinstance(node, Detector):
-            counts["pictures dropped by a busy detector"] = node.dropped
-    counts.setdefault("pictures dropped by a busy detector", 0)
-    return counts
+    """What these nodes rejected or dropped: description -> count."""
+    return {description: count for node in nodes for description, count in node.counters.items()}

@@ -1,4 +1,4 @@
-"""The live bus on this computer, tried: a hub and two leaves on a port of its own, for half a second."""
+"""Test of the live bus on this computer: a hub and two leaves on a separate port, for half a second."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def measure_bus() -> BusReport:
 
 
 def compare_clocks(endpoint: str, keys: Path | None) -> Clock:
-    """This host's clocks against those of the hub at `endpoint`. Raises Unavailable if none answers there."""
+    """This host's clocks against those of the hub at `endpoint`. Raises Unavailable if no hub answers there."""
     try:
         with Bus(endpoint, credentials_in(keys, "status") if keys is not None else None) as bus:
             return bus.clock().measure()

@@ -1,4 +1,4 @@
-"""The camera on its stand: pictures of the board from a known place, decoded, and compared with what is set."""
+"""The simulated camera on a stand: pictures of the board from a known place, decoded and compared with the set-up."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ Quat = tuple[float, float, float, float]
 
 _MS = 1_000_000
 PICTURES = 10
-_OFF_NORMAL = math.radians(30.0)  # line of sight to the board's normal: a head-on view measures tilt badly
+_OFF_NORMAL = math.radians(30.0)  # line of sight to the board's normal: a view along the normal measures tilt badly
 
 
 @dataclass(frozen=True)
-class Seen:
-    """One picture's result. `distance` (m) camera to board, `inclination` (deg) of the board, both as measured."""
+class BoardMeasurement:
+    """Result of one picture. `distance` (m) camera to board, `inclination` (deg) of the board, both as measured."""
 
     pose: BoardPose
     distance: float
@@ -51,7 +51,7 @@ class CameraBench:
         self.wanted_hz = scenario.camera.rate
         self._height = scenario.board.height
         self._slot, self._drawn = rig.camera, drawn
-        self._kept: dict[float, list[Seen]] = {}
+        self._kept: dict[float, list[BoardMeasurement]] = {}
         self.source = "rendered pictures, AprilTag detector"
 
     @property
@@ -60,7 +60,7 @@ class CameraBench:
         exposure_s = self._slot.exposure_ms * 1e-3
         return self._true.width, self._true.height, min(self.wanted_hz, 1.0 / exposure_s)
 
-    def look(self, distance: float) -> list[Seen]:
+    def measure_board(self, distance: float) -> list[BoardMeasurement]:
         """Ten pictures from `distance` (m). Raises NotApplicable for a camera model, Unavailable for a bad distance."""
         if self._slot.source != "pictures":
             raise NotApplicable('the rig\'s camera is a model without pictures (camera.source = "model")')
@@ -70,7 +70,7 @@ class CameraBench:
             self._kept[distance] = self._pictures(distance)
         return self._kept[distance]
 
-    def _pictures(self, distance: float) -> list[Seen]:
+    def _pictures(self, distance: float) -> list[BoardMeasurement]:
         inclination = math.radians(self.set_deg)
         board_R = rotation_from_car(0.0, inclination)
         board = motion_row((0.0, 0.0, self._height), from_matrix(board_R))
@@ -99,12 +99,14 @@ class CameraBench:
         return (x, y, z), q
 
 
-def measure(detector: BoardDetector, camera: Camera, picture: np.ndarray, p: np.ndarray, q: np.ndarray) -> Seen:
-    """What one picture (height, width) shows, taken by `camera` of a vehicle at `p` (m) with attitude `q` (wxyz)."""
+def measure(
+    detector: BoardDetector, camera: Camera, picture: np.ndarray, p: np.ndarray, q: np.ndarray
+) -> BoardMeasurement:
+    """The board in one picture (height, width), taken by `camera` of a vehicle at `p` (m) with attitude `q` (wxyz)."""
     pose = detector.detect(picture)
     brightness, contrast = float(picture.mean()), math.nan
     if not pose.found:
-        return Seen(pose, math.nan, math.nan, brightness, contrast)
+        return BoardMeasurement(pose, math.nan, math.nan, brightness, contrast)
     _, board_q = world_board_pose(p, q, camera.row(), pose.R, pose.p)
     up = body_z(board_q)[2]
     corners = pose.corners.reshape(-1, 2)
@@ -112,4 +114,4 @@ def measure(detector: BoardDetector, camera: Camera, picture: np.ndarray, p: np.
     part = picture[max(0, v0) : v1 + 1, max(0, u0) : u1 + 1]
     low, high = np.percentile(part, (2, 98))
     tilt = math.degrees(math.acos(min(1.0, max(-1.0, float(up)))))
-    return Seen(pose, float(np.linalg.norm(pose.p)), tilt, brightness, float(high - low))
+    return BoardMeasurement(pose, float(np.linalg.norm(pose.p)), tilt, brightness, float(high - low))

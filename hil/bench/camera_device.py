@@ -1,4 +1,4 @@
-"""A camera that is no simulation, with the vehicle on its stand in front of the board: its pictures, decoded."""
+"""A real or recorded camera, with the vehicle on its stand in front of the board: its pictures, decoded."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from groundcar.board.layout import Board
 from hil.assembly.cameras import open_camera
 from hil.assembly.rig import Rig
 from hil.assembly.sensing import mounted_cameras
-from hil.bench.camera import PICTURES, Quat, Seen, measure
+from hil.bench.camera import PICTURES, BoardMeasurement, Quat, measure
 from hil.bench.reading import Unavailable
 from hil.recording.reader import Recording
 from hil.recording.recorder import PREFIX
@@ -31,10 +31,10 @@ Shot = tuple[int, np.ndarray, int]  # time of exposure (ns, of the camera's own 
 
 
 class DeviceBench:
-    """Reads a second of pictures once; the crew has put the vehicle at the distance that the checklist names.
+    """Reads a second of pictures once; the crew has placed the vehicle at the checklist's distance.
 
-    The board's inclination needs the camera's attitude: the vehicle's as its autopilot or the recording tells it, or
-    level if nobody does.
+    The board's inclination needs the camera's attitude: from the autopilot or the recording, else the
+    vehicle is taken as level.
     """
 
     def __init__(
@@ -59,25 +59,24 @@ class DeviceBench:
             self._shots = _collect(camera, max(PICTURES, round(self.wanted_hz)))
         finally:
             camera.close()
-        told = attitude()
-        self._attitude = told
+        self._attitude = attitude()
         self._recorded: list[tuple[int, Quat]] = []
-        if isinstance(camera, RecordedCamera) and told is None:
+        if isinstance(camera, RecordedCamera) and self._attitude is None:
             self._recorded = _recorded_attitudes(rig.camera.device, camera.shift_ns)
-        how = "as its autopilot says" if told else "as recorded" if self._recorded else "taken as level"
+        how = "from its autopilot" if self._attitude else "as recorded" if self._recorded else "taken as level"
         self.source = f"{camera.source}, AprilTag detector; vehicle's attitude {how}"
-        self._seen: list[Seen] = []
+        self._seen: list[BoardMeasurement] = []
 
     @property
     def mode(self) -> tuple[int, int, float]:
-        """Width, height (px) and rate (Hz) that came, the rate over all pictures but those nobody took."""
+        """Width, height (px) and rate (Hz) that came, the rate over all pictures."""
         height, width = self._shots[0][1].shape
         (first_ns, _, first), (last_ns, _, last) = self._shots[0], self._shots[-1]
         seconds = (last_ns - first_ns) * 1e-9
         return width, height, (last - first) / seconds if seconds > 0 else 0.0
 
-    def look(self, distance: float) -> list[Seen]:
-        """Ten pictures; from how far they were taken is the crew's word."""
+    def measure_board(self, distance: float) -> list[BoardMeasurement]:
+        """Ten pictures; their distance is set by the crew."""
         if not self._seen:
             detector = BoardDetector(self.camera, self.board)
             every = self._shots[:: max(1, len(self._shots) // PICTURES)][:PICTURES]
@@ -96,7 +95,7 @@ class DeviceBench:
 
 
 def _collect(camera: CameraWire, count: int) -> list[Shot]:
-    """`count` pictures, or fewer if a recording has no more. Raises Unavailable if a device goes away or none come."""
+    """`count` pictures, or fewer if a recording has no more. Raises Unavailable if a device is lost or none come."""
     shots: list[Shot] = []
     began = time.monotonic_ns()
     while len(shots) < count and not camera.lost:
@@ -113,7 +112,7 @@ def _collect(camera: CameraWire, count: int) -> list[Shot]:
 
 
 def _recorded_attitudes(path: str, shift_ns: int) -> list[tuple[int, Quat]]:
-    """(time, attitude) of the vehicle in the recording, by motion capture or its own word, `shift_ns` later."""
+    """(time, attitude) of the vehicle in the recording, by motion capture or its own odometry, `shift_ns` later."""
     recording = Recording(path)
     for topic in ("mocap/vehicle", "vehicle/odometry"):
         if PREFIX + topic in recording.topics:

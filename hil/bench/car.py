@@ -1,4 +1,4 @@
-"""The ground car on its bus: into CAN mode, and its own stop really tried. It moves a few centimetres."""
+"""The ground car on its bus: CAN mode, and a test of its own stop. It moves a few centimetres."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class CarBench:
     """Our driver on the bus of a real or a software Scout."""
 
     def __init__(self, pace: Pace, wire: Any, source: str) -> None:
-        """Listens until the car grants CAN control or two seconds have gone by. Raises Unavailable."""
+        """Listens until the car grants CAN control, for two seconds at most. Raises Unavailable."""
         self._pace, self._clock, self._wire, self.source = pace, pace.clock, wire, source
         self._link = ScoutLink(wire)
         self.feedback = self._step()
@@ -39,7 +39,7 @@ class CarBench:
             self.feedback = self._step()
         if not self.feedback.stamp_ns:
             self.close()
-            raise Unavailable(f"nothing is heard of the car: {source}")
+            raise Unavailable(f"no frames come from the car: {source}")
 
     @classmethod
     def open(cls, rig: Rig, drawn: Drawn) -> CarBench:
@@ -60,30 +60,30 @@ class CarBench:
         return cls(Wall(), wire, f"car on {slot.interface} {slot.channel}")
 
     def close(self) -> None:
-        """Give the bus back; the car is sent nothing more."""
+        """Close the bus; nothing more is sent to the car."""
         self._wire.close()
 
     def try_stop(self, speed: float) -> StopReport:
-        """Drive at `speed` (m/s) for a second, then send nothing and watch. Raises Unavailable if it does not drive."""
+        """Drive at `speed` (m/s) for a second, then send nothing. Raises Unavailable if it does not drive."""
         if not self._link.ready:
             raise Unavailable(f"the car does not take commands: mode {self.feedback.mode}, {self.feedback.fault}")
-        self.feedback = said = self._step()  # hear what came since
+        self.feedback = feedback = self._step()  # process what came since
         began = sent = self._clock.now_ns
         while self._clock.now_ns - began < 1_000_000_000:
             due = self._clock.now_ns - sent >= _COMMAND_NS
             sent = self._clock.now_ns if due else sent
-            said = self._step(Command(self._clock.now_ns, speed, 0.0) if due else None)
-        if said.speed < 0.5 * speed:
-            raise Unavailable(f"the car was asked for {speed:g} m/s and drives {said.speed:.2f} m/s")
-        at, rolled = said.speed, said.left_m
+            feedback = self._step(Command(self._clock.now_ns, speed, 0.0) if due else None)
+        if feedback.speed < 0.5 * speed:
+            raise Unavailable(f"the car was asked for {speed:g} m/s and drives {feedback.speed:.2f} m/s")
+        at, rolled = feedback.speed, feedback.left_m
         slowing = standing = None
         while standing is None and self._clock.now_ns - sent < 3_000_000_000:
-            said = self._step()
+            feedback = self._step()
             after = (self._clock.now_ns - sent) * 1e-9
-            slowing = after if slowing is None and said.speed < 0.9 * at else slowing
-            standing = after if said.speed < 0.02 else None
-        self.feedback = said
-        return StopReport(at, slowing, standing, said.left_m - rolled)
+            slowing = after if slowing is None and feedback.speed < 0.9 * at else slowing
+            standing = after if feedback.speed < 0.02 else None
+        self.feedback = feedback
+        return StopReport(at, slowing, standing, feedback.left_m - rolled)
 
     def _step(self, command: Command | None = None) -> Feedback:
         self._pace()

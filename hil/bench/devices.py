@@ -15,9 +15,10 @@ from hil.assembly.rig import Rig
 from hil.bench.camera import CameraBench, Quat
 from hil.bench.camera_device import DeviceBench
 from hil.bench.car import CarBench
+from hil.bench.failsafes import TrialReport, try_failsafes
 from hil.bench.mocap import MocapReport, measure_mocap
 from hil.bench.reading import NotApplicable, Unavailable
-from hil.bench.vehicle import Bench, GroundReport, SimulatedBench, TrialReport, live_bench, read_ground, try_failsafes
+from hil.bench.vehicle import Bench, GroundReport, SimulatedBench, live_bench, read_ground
 from hil.recording.runs import policy_identity
 from kernel.rotations import swap_attitude
 from scenarios.draw import Drawn, draw
@@ -63,7 +64,7 @@ class Context:
         """The autopilot, on the ground and disarmed."""
         live = self.rig.vehicle.kind == "mavlink"
         bench: Bench = self._of("vehicle", "bench", self._bench, ("sim", "mavlink"))
-        if live and time.monotonic() - self._listened > _STALE_S:  # the crew may have taken its time in between
+        if live and time.monotonic() - self._listened > _STALE_S:  # the report may be old by now
             self._kept.pop("ground", None)
         if "ground" not in self._kept:
             self._kept["ground"] = read_ground(bench)
@@ -76,7 +77,7 @@ class Context:
         return live_bench(self.airframe, self.rig)
 
     def trial(self) -> TrialReport:
-        """A flight to try the failsafes: simulated vehicles only."""
+        """A test flight of the failsafes: simulated vehicles only."""
         if self.rig.vehicle.kind != "sim":
             raise Unavailable("a trial flight is for simulated vehicles only: try it by hand, under supervision")
         return self._of("vehicle", "trial", lambda: try_failsafes(self.airframe, self.rig, self.drawn))
@@ -94,7 +95,7 @@ class Context:
         return self._of("camera", "camera", lambda: DeviceBench(*parts, self._attitude), kinds)
 
     def _attitude(self) -> Quat | None:
-        """Of a real vehicle on its stand, as its autopilot says (w, x, y, z); None without one."""
+        """Of a real vehicle on its stand, from its autopilot (w, x, y, z); None without one."""
         if self.rig.vehicle.kind == "sim":
             return None
         return swap_attitude(self.ground().latest("ODOMETRY").q)
@@ -114,7 +115,7 @@ class Context:
         return self._kept["clocks"]
 
     def forget(self) -> None:
-        """Read every device anew: a check that is repeated must not be told what it was told before."""
+        """Close the devices, so that a repeated check reads them anew."""
         for name in ("bench", "car"):
             if name in self._kept:
                 self._kept[name].close()

@@ -1,4 +1,4 @@
-"""A second of motion capture: how often it comes, and how old it is."""
+"""A second of motion capture: rate and age of its poses."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ class MocapReport:
 
 
 def measure_mocap(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
-    """Watch a standing vehicle. Raises Unavailable if nothing comes."""
+    """Measure with the vehicle at rest. Raises Unavailable if nothing comes."""
     if rig.mocap.kind == "vrpn":
         return _listen(rig.mocap)
     return _modelled(rig, airframe, drawn)
 
 
 def _listen(slot: MocapSlot) -> MocapReport:
-    heard: list[tuple[int, int]] = []
+    poses_received: list[tuple[int, int]] = []
     try:
         wire = VrpnMocap(slot.server, (slot.vehicle_body, slot.board_body), round(slot.delay_ms * _MS))
         wire.wait_for_bodies()
     except WireError as error:
         raise Unavailable(str(error)) from None
-    wire.take(0)  # what came while the bodies were waited for
+    wire.take(0)  # poses that came during the wait
     began = time.monotonic_ns()
     while time.monotonic_ns() - began < _LISTEN_NS:
         time.sleep(0.002)
         poses = wire.take(0)
         now = time.monotonic_ns() - began
-        heard += [(now, now - pose.age_ns) for pose in poses if pose.body == slot.vehicle_body]
+        poses_received += [(now, now - pose.age_ns) for pose in poses if pose.body == slot.vehicle_body]
     wire.close()
-    return _report(heard, f"VRPN from {slot.server}; {slot.delay_ms:g} ms of the age are the rig's word")
+    return _report(poses_received, f"VRPN from {slot.server}; {slot.delay_ms:g} ms of the age are the rig's setting")
 
 
 def _modelled(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
@@ -62,21 +62,21 @@ def _modelled(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
     device = VehicleDevice(Px4Sim({}, airframe, drawn.vehicle_seed))
     seed = drawn.mocap_seed
     node = MocapNode(Mocap(seed), Mocap(seed + 1), rig.mocap.rate_hz, round(rig.mocap.delay_ms * _MS))
-    heard: list[tuple[int, int]] = []
+    poses_received: list[tuple[int, int]] = []
 
     def tap(now_ns: int, topic: str, message: object) -> None:
         if topic == "mocap/vehicle":
-            heard.append((now_ns, getattr(message, "stamp_ns")))  # noqa: B009
+            poses_received.append((now_ns, getattr(message, "stamp_ns")))  # noqa: B009
 
     Lockstep([device, node], clock, tap).run(lambda now: now >= _LISTEN_NS)
-    return _report(heard, "modelled motion capture")
+    return _report(poses_received, "modelled motion capture")
 
 
-def _report(heard: list[tuple[int, int]], source: str) -> MocapReport:
-    """`heard`: arrival and time of each pose, ns."""
-    if len(heard) < 2:
+def _report(poses_received: list[tuple[int, int]], source: str) -> MocapReport:
+    """`poses_received`: arrival and time of each pose, ns."""
+    if len(poses_received) < 2:
         raise Unavailable("motion capture sent nothing in a second")
-    gaps = [b[0] - a[0] for a, b in pairwise(heard)]
-    oldest = max(b[0] - a[1] for a, b in pairwise(heard))  # just before the next one came
-    rate = (len(heard) - 1) * 1e9 / (heard[-1][0] - heard[0][0])
+    gaps = [b[0] - a[0] for a, b in pairwise(poses_received)]
+    oldest = max(b[0] - a[1] for a, b in pairwise(poses_received))  # just before the next one came
+    rate = (len(poses_received) - 1) * 1e9 / (poses_received[-1][0] - poses_received[0][0])
     return MocapReport(rate, oldest / _MS, max(gaps) / _MS, source)

@@ -1,4 +1,4 @@
-"""How a bench's time passes: by the wall for real devices, by itself for simulated ones."""
+"""The time of a bench: wall time for real devices, computed time for simulated ones."""
 
 from __future__ import annotations
 

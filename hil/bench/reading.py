@@ -1,4 +1,4 @@
-"""What reading a device comes to when it gives no value."""
+"""Why reading a device gave no value."""
 
 from __future__ import annotations
 
@@ -8,4 +8,4 @@ class Unavailable(Exception):
 
 
 class NotApplicable(Exception):
-    """The item says nothing about this rig: SKIPPED, with this text as its reason."""
+    """The item does not apply to this rig: SKIPPED, with this text as its reason."""

@@ -1,8 +1,7 @@
-"""The autopilot on the bench: what it says on its wire, and, if it is simulated, a trial flight of its failsafes."""
+"""The autopilot on the bench: what it sends on its wire, real or simulated, at rest and disarmed."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +16,7 @@ from vehicle.px4.codec import MESSAGES, Packer, Parser
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.params import READ, VALUE, unpack_value
 from vehicle.px4.driver.types import LinkConfig, LinkOutput, Rates
-from vehicle.px4.sim.autopilot import Px4Sim, Truth
+from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor.airframe import Airframe
 
 _MS = 1_000_000
@@ -25,27 +24,25 @@ _ANSWER_LIMIT_NS = 20_000_000_000
 _LISTEN_NS = 2_000_000_000
 _HEALTH_LIMIT_NS = 10_000_000_000  # a PX4 that has just booted needs five seconds
 _START = (0.0, 0.0, 2.5, 0.0)
-_FLIGHT_LIMIT_NS = 120_000_000_000
-_GRAVITY = 9.80665
 
 
 class Tap:
-    """A wire that remembers the messages passing through: (our ns, fields) by name; parameters by name."""
+    """A wire that stores the messages passing through: (our ns, fields) by name; parameters by name."""
 
     def __init__(self, wire: ByteWire, clock: Clock) -> None:
         self._wire, self._clock = wire, clock
         self._parser = Parser()
-        self.heard: dict[str, list[tuple[int, Any]]] = {}
+        self.received: dict[str, list[tuple[int, Any]]] = {}
         self.parameters: dict[str, float] = {}
 
     def send(self, data: bytes, /) -> None:
         self._wire.send(data)
 
     def drain(self) -> None:
-        """Throw away what came while nobody listened, and what was heard before."""
+        """Discard waiting frames and stored messages."""
         while self._wire.receive():
             pass
-        self.heard.clear()
+        self.received.clear()
 
     def receive(self) -> list[bytes]:
         datagrams = self._wire.receive()
@@ -54,7 +51,7 @@ class Tap:
                 if frame.name == "PARAM_VALUE":
                     self._parameter(frame.payload)
                 else:
-                    self.heard.setdefault(frame.name, []).append((self._clock.now_ns, frame.fields))
+                    self.received.setdefault(frame.name, []).append((self._clock.now_ns, frame.fields))
         return datagrams
 
     def close(self) -> None:
@@ -69,9 +66,9 @@ class Tap:
 
 @dataclass
 class GroundReport:
-    """What the autopilot says, standing and disarmed, after the driver has set its parameters."""
+    """What the autopilot sends, at rest and disarmed, after the driver has set its parameters."""
 
-    heard: dict[str, list[tuple[int, Any]]]
+    received: dict[str, list[tuple[int, Any]]]
     parameters: dict[str, float]
     until_ns: int  # our time at the end of listening
     listened_ns: int
@@ -82,46 +79,35 @@ class GroundReport:
 
     def latest(self, name: str) -> Any:
         """The newest message of that name. Raises Unavailable if none came."""
-        if not self.heard.get(name):
+        if not self.received.get(name):
             raise Unavailable(f"the autopilot sent no {name} in {self.listened_ns * 1e-9:g} s")
-        return self.heard[name][-1][1]
+        return self.received[name][-1][1]
 
     def rate_hz(self, name: str) -> float:
         """Messages a second while listening."""
-        count = sum(now >= self.until_ns - self.listened_ns for now, _ in self.heard.get(name, ()))
+        count = sum(now >= self.until_ns - self.listened_ns for now, _ in self.received.get(name, ()))
         return count / (self.listened_ns * 1e-9)
 
 
-@dataclass(frozen=True)
-class TrialReport:
-    """What a trial flight showed. Seconds; None: it did not happen."""
-
-    loss_s: float | None  # last set-point to the autopilot leaving OFFBOARD
-    loss_mode: str
-    kill_s: float | None  # kill asked for to disarmed
-    motors_off_s: float | None  # kill asked for to every motor's thrust gone
-    notes: tuple[str, ...]
-    source: str = "software PX4, flown to a hover for it"
-
-
 class Bench:
-    """Our driver, which never arms by itself here, on a tapped wire to a real or a simulated autopilot."""
+    """The driver, which does not arm here, on a tapped wire to a real or a simulated autopilot."""
 
     def __init__(self, pace: Pace, wire: ByteWire, config: LinkConfig, source: str) -> None:
         self.pace, self.clock, self.source = pace, pace.clock, source
         self.tap = Tap(wire, self.clock)
+        self.target = (config.system, config.component)
         self.link = Px4Link(self.tap, config)
         self.notes: list[str] = []
 
     def step(self, command: Rates | None = None) -> LinkOutput:
         """Two milliseconds."""
         self.pace()
-        said = self.link.step(self.clock.now_ns, command)
-        self.notes += [note.text for note in said.notes if note.severity != "info"]
-        return said
+        output = self.link.step(self.clock.now_ns, command)
+        self.notes += [note.text for note in output.notes if note.severity != "info"]
+        return output
 
     def close(self) -> None:
-        """Give the wire back."""
+        """Close the wire."""
         self.tap.close()
 
 
@@ -144,12 +130,19 @@ def live_bench(airframe: Airframe, rig: Rig) -> Bench:
 
     slot = rig.vehicle
     if slot.signing_key:
-        raise Unavailable("a checklist cannot read an autopilot that demands signed MAVLink yet")
+        raise Unavailable("a checklist cannot read an autopilot that requires signed MAVLink")
     try:
-        wire = open_url(slot.url)
+        wire = open_url(slot.url, slot.system)
     except WireError as error:
         raise Unavailable(str(error)) from None
-    config = LinkConfig(start=_START, hover_thrust=airframe.hover_thrust, clock_drift=slot.clock_drift, arm=False)
+    config = LinkConfig(
+        start=_START,
+        hover_thrust=airframe.hover_thrust,
+        system=slot.system,
+        component=slot.component,
+        clock_drift=slot.clock_drift,
+        arm=False,
+    )
     return Bench(Wall(), wire, config, f"autopilot at {slot.url}")
 
 
@@ -168,11 +161,11 @@ def read_ground(bench: Bench) -> GroundReport:
     fine = False
     while bench.clock.now_ns - since < (_LISTEN_NS if fine else _HEALTH_LIMIT_NS):
         bench.step()
-        status = bench.tap.heard.get("SYS_STATUS")
+        status = bench.tap.received.get("SYS_STATUS")
         fine = bool(status and status[-1][1].onboard_control_sensors_health & px4.PREARM_CHECK)
     counters = bench.link.counters
     return GroundReport(
-        heard=bench.tap.heard,
+        received=bench.tap.received,
         parameters=_Parameters(bench),
         until_ns=bench.clock.now_ns,
         listened_ns=bench.clock.now_ns - since,
@@ -193,7 +186,7 @@ class _Parameters(dict[str, float]):
     def __missing__(self, name: str) -> float:
         bench = self._bench
         bench.tap.parameters.pop(name, None)
-        request = READ.pack(-1, 1, px4.PX4_COMPONENT, name.encode())
+        request = READ.pack(-1, *bench.target, name.encode())
         for _ in range(3):
             bench.tap.send(self._packer.pack_payload(MESSAGES["PARAM_REQUEST_READ"], request))
             for _ in range(250):
@@ -202,55 +195,3 @@ class _Parameters(dict[str, float]):
                     self[name] = bench.tap.parameters[name]
                     return self[name]
         raise KeyError(name)
-
-
-def try_failsafes(airframe: Airframe, rig: Rig, drawn: Drawn) -> TrialReport:
-    """Fly to a hover, hand over, fall silent, and see what the autopilot does; then kill it in the air."""
-    bench = SimulatedBench(airframe, rig, drawn, arm=True)
-    if not _fly_to_hover(bench):
-        raise Unavailable(
-            f"the trial flight did not reach its hover: {'; '.join(bench.notes[-2:]) or bench.link.phase}"
-        )
-    last_ns = handed_ns = bench.clock.now_ns
-    while bench.clock.now_ns - handed_ns < 500 * _MS:
-        due = bench.clock.now_ns - last_ns >= 10 * _MS
-        last_ns = bench.clock.now_ns if due else last_ns
-        bench.step(Rates((0.0, 0.0, 0.0), _GRAVITY) if due else None)
-    loss_ns, mode = None, "OFFBOARD"
-    while loss_ns is None and bench.clock.now_ns - last_ns < 5_000_000_000:
-        said = bench.step()
-        if said.mode != "OFFBOARD":
-            loss_ns, mode = bench.clock.now_ns - last_ns, said.mode
-    kill_ns, motors_ns = _kill(bench)
-    return TrialReport(_seconds(loss_ns), mode, _seconds(kill_ns), _seconds(motors_ns), tuple(bench.notes))
-
-
-def _fly_to_hover(bench: Bench) -> bool:
-    while bench.clock.now_ns < _FLIGHT_LIMIT_NS:
-        said = bench.step()
-        if said.phase in ("hover", "failed"):
-            return said.phase == "hover"
-    return False
-
-
-def _kill(bench: SimulatedBench) -> tuple[int | None, int | None]:
-    asked = bench.clock.now_ns
-    bench.link.kill()
-    kill_ns = motors_ns = None
-    while bench.clock.now_ns - asked < 3_000_000_000 and (kill_ns is None or motors_ns is None):
-        said = bench.step()
-        after = bench.clock.now_ns - asked
-        if kill_ns is None and not said.armed:
-            kill_ns = after
-        if motors_ns is None and _still(bench.sim.truth()):
-            motors_ns = after
-    return kill_ns, motors_ns
-
-
-def _still(truth: Truth) -> bool:
-    """True once no motor gives more than a fiftieth of its thrust."""
-    return not truth.armed and max(map(math.fabs, truth.motors)) < 0.02
-
-
-def _seconds(ns: int | None) -> float | None:
-    return None if ns is None else ns * 1e-9

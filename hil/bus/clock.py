@@ -84,7 +84,7 @@ class ClockWatch:
     def measure(self, tries: int = 15, limit_s: float = 5.0) -> Clock:
         """Ask for `tries` answers, one after the other. Raises TimeoutError if none comes within `limit_s`.
 
-        A hub lets leaves in a moment before it answers, and a question that nobody takes comes back at once.
+        A hub lets leaves in a moment before it answers, and a question without a receiver comes back at once.
         """
         until = time.monotonic() + limit_s
         while tries and time.monotonic() < until:
@@ -97,7 +97,7 @@ class ClockWatch:
                 tries -= 1
         best = self.best
         if best is None:
-            raise TimeoutError("the hub does not tell its clock: is it a hub of perch-hil?")
+            raise TimeoutError("the hub does not answer for its clock: is it a hub of perch-hil?")
         self._first = best
         return best
 
@@ -133,7 +133,7 @@ class ClockWatch:
 
 
 class DateWatch:
-    """Notices when somebody sets this host's date."""
+    """Notices when this host's date is set."""
 
     def __init__(
         self, unix: Callable[[], int] = time.time_ns, monotonic: Callable[[], int] = time.monotonic_ns

@@ -1,5 +1,5 @@
-"""The bus between processes, as a leaf of the hub has it. Who may read a topic is asked of
-`hil/contract/topics.py` at every subscription, and by the hub's access list over TLS.
+"""The bus between processes, as a leaf of the hub has it. Which node may read a topic is
+looked up in `hil/contract/topics.py` at every subscription, and enforced by the hub's access list over TLS.
 
 A message travels as the protobuf bytes of `hil/contract/codec.py`, with the publisher's time and running
 number beside it.
@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 
 from hil.bus.clock import ClockWatch
-from hil.bus.mailbox import PICTURES, STAMP, Letter, Mailbox
+from hil.bus.mailbox import PICTURES, STAMP, Delivery, Mailbox
 from hil.bus.session import BusError, Credentials, credentials_in, open_hub, open_leaf
 from hil.contract.codec import codec
 from hil.contract.topics import TOPICS, may_read
@@ -32,7 +32,7 @@ class Publisher:
         self._codec, self._sequence = codec(TOPICS[topic].message), 0
         picture = topic == PICTURES
         # not express: while a link is busy messages share a batch, so that its queue holds thousands instead of 16
-        # DROP: a reader that has stopped may cost itself letters, it may not hold up the hub and with it everybody
+        # DROP: a reader that has stopped loses messages; it may not hold up the hub and with it all services
         self._publisher = session.declare_publisher(
             TOPIC + topic,
             congestion_control=zenoh.CongestionControl.DROP,
@@ -76,7 +76,7 @@ class Bus:
             if topic not in TOPICS:
                 raise BusError(f"{reader} asks for topic {topic!r}, which hil/contract/topics.py does not list")
             if reader not in OBSERVERS and not may_read(reader, topic):
-                readers = ", ".join(TOPICS[topic].readers) or "nobody"
+                readers = ", ".join(TOPICS[topic].readers) or "no node"
                 raise BusError(f"{reader} may not read {topic!r}: the contract allows {readers}")
             if (id(mailbox), topic) in self._delivered:
                 continue
@@ -92,35 +92,41 @@ class Bus:
     def ages(self, topics: Iterable[str], counts: dict[str, int] | None = None) -> dict[str, int]:
         """A live table: topic -> monotonic ns of its last arrival; arrivals are counted in `counts`. Payloads are not
         looked at."""
-        heard: dict[str, int] = {}
+        received: dict[str, int] = {}
         for topic in topics:
 
             def note(_: zenoh.Sample, topic: str = topic) -> None:
-                heard[topic] = time.monotonic_ns()
+                received[topic] = time.monotonic_ns()
                 if counts is not None:
                     counts[topic] = counts.get(topic, 0) + 1
 
             self._listen(TOPIC + topic, note)
-        return heard
+        return received
 
-    def say(self, key: str, table: dict[str, Any]) -> None:
+    def send_table(self, key: str, table: dict[str, Any]) -> None:
         """Send a table of the harness's own (CONTROL, HEALTH + service): not part of the contract, not recorded.
 
-        Never waits, as `publish` never does: a hub that waits for a reader who has stopped holds up everybody, and a
-        driver that waits for the hub holds up its vehicle. What has to arrive is said again.
+        Never waits, as `publish` never does: a hub that waits for a stopped reader holds up all services, and a driver
+        that waits for the hub holds up its vehicle. What has to arrive is sent again.
         """
         self._session.put(
             key, json.dumps(table), priority=zenoh.Priority.REAL_TIME,
             congestion_control=zenoh.CongestionControl.DROP, express=True,
         )  # fmt: skip
 
-    def hear(self, key: str, take: Callable[[dict[str, Any]], None]) -> None:
-        """Call `take` (which must only store) with every table said on `key`; what is no table is ignored."""
+    def on_table(self, key: str, take: Callable[[dict[str, Any]], None]) -> None:
+        """Call `take` (which must only store) with every table sent on `key`; what is no table is ignored.
+
+        The "service" of a health is the one of its key, which a closed bus checks, whatever the table says.
+        """
 
         def parse(sample: zenoh.Sample) -> None:
             with suppress(ValueError):
                 table = json.loads(sample.payload.to_bytes())
                 if isinstance(table, dict):
+                    came_on = str(sample.key_expr)
+                    if came_on.startswith(HEALTH):
+                        table["service"] = came_on.removeprefix(HEALTH)
                     take(table)
 
         self._listen(key, parse)
@@ -145,6 +151,6 @@ class Bus:
 
 
 __all__ = [
-    "CONTROL", "HEALTH", "OBSERVERS", "TOPIC", "Bus", "BusError", "Credentials", "Letter", "Mailbox",
+    "CONTROL", "HEALTH", "OBSERVERS", "TOPIC", "Bus", "BusError", "Credentials", "Delivery", "Mailbox",
     "credentials_in", "open_hub",
 ]  # fmt: skip

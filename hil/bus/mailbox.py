@@ -1,4 +1,4 @@
-"""Letters for one service: what the bus's threads bring is kept here until the service looks."""
+"""Deliveries for one service: what the bus's threads receive is kept here until the service takes it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ from hil.contract.topics import TOPICS
 
 PICTURES = "camera/image"
 STAMP = struct.Struct("<qQ")  # beside every payload: time of publication by the run's clock (ns), running number
+_NUMBER_LIMIT = 1 << 32  # a message numbered higher is garbage: 500 Hz reach it after 99 days
+_GAP_LIMIT = 1 << 16  # more numbers missing at once than any topic has in the time after which a run is aborted
 _DEPTH = 256  # messages kept of a topic while its reader is busy; pictures: the newest only
 
 
-class Letter(NamedTuple):
-    """A message as it came. `published_ns` is the run's time by the publisher's clock."""
+class Delivery(NamedTuple):
+    """A message as it came off the bus: with its topic and number. `published_ns`: the run's time by the publisher's
+    clock."""
 
     topic: str
     published_ns: int
@@ -28,7 +31,7 @@ class Letter(NamedTuple):
 
 
 class Mailbox:
-    """Letters for one service. Callbacks only append; the newest picture wins; `wait` sleeps until something comes."""
+    """Deliveries for one service. Callbacks only append, of pictures only the newest; `wait` sleeps until one comes."""
 
     def __init__(
         self,
@@ -40,7 +43,7 @@ class Mailbox:
         """`depth` of a topic and `pictures` are how many wait at most; the oldest make room and are counted. Pictures
         published sooner than `picture_period_ns` after the last one taken are not wanted: passed over, not counted.
 
-        `urgent`: topics that end a `wait`; the others lie until somebody looks anyway. None: all do.
+        `urgent`: topics that end a `wait`; the others wait for the next `drain`. None: all do.
         """
         self._depth, self._pictures = depth, pictures
         self._picture_period_ns, self._picture_ns = picture_period_ns, -picture_period_ns
@@ -81,7 +84,7 @@ class Mailbox:
             os.eventfd_write(self._fd, 1)
 
     def wait(self, timeout_ns: int, also: Iterable[int] = ()) -> list[int]:
-        """Sleep until a letter comes or there is something to read from a descriptor of `also`, at most `timeout_ns`.
+        """Sleep until a delivery comes or there is something to read from a descriptor of `also`, at most `timeout_ns`.
 
         Returns which of them.
         """
@@ -90,16 +93,16 @@ class Mailbox:
             os.eventfd_read(self._fd)
         return [fd for fd in ready if fd != self._fd]
 
-    def drain(self) -> list[Letter]:
+    def drain(self) -> list[Delivery]:
         """What has come, in the order of arrival. What is no message of its topic is counted in `garbage`."""
         found: list[tuple[int, str, bytes, bytes]] = []
         for topic, queue in list(self._queues.items()):
             while queue:
                 arrival, payload, stamp = queue.popleft()
                 found.append((arrival, topic, payload, stamp))
-        return [letter for item in sorted(found) if (letter := self._open(*item)) is not None]
+        return [delivery for item in sorted(found) if (delivery := self._open(*item)) is not None]
 
-    def _open(self, _: int, topic: str, payload: bytes, stamp: bytes) -> Letter | None:
+    def _open(self, _: int, topic: str, payload: bytes, stamp: bytes) -> Delivery | None:
         try:
             published_ns, sequence = STAMP.unpack(stamp)
             message = codec(TOPICS[topic].message).decode(payload)
@@ -107,11 +110,14 @@ class Mailbox:
             self.garbage += 1
             return None
         gap = sequence - self._expected.get(topic, sequence)
+        if sequence >= _NUMBER_LIMIT or gap > _GAP_LIMIT:
+            self.garbage += 1
+            return None
         thinned = topic == PICTURES and self._picture_period_ns > 0
         if gap > 0 and topic != "event" and not thinned:  # events have several publishers
             self.lost[topic] = self.lost.get(topic, 0) + gap
         self._expected[topic] = sequence + 1
-        return Letter(topic, published_ns, sequence, message)
+        return Delivery(topic, published_ns, sequence, message)
 
     def close(self) -> None:
         """Free the descriptor."""

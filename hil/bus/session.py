@@ -1,5 +1,5 @@
 """Sessions of the bus: a Zenoh hub on an explicit endpoint, and client leaves. Nothing scouts, nothing is found by
-chance. Here is how they are set up; what is said over them is in `hil/bus/leaf.py`.
+chance. Here is how they are set up; what is sent over them is in `hil/bus/leaf.py`.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def settings(**values: Any) -> zenoh.Config:
         "transport/link/tx/queue/size/real_time": 16,
         "transport/link/tx/queue/size/data": 16,
         "transport/link/tx/queue/batching/time_limit": 0,
-        # us; the default waits 50 ms for room for a picture, and as long nobody gets anything from the hub
+        # us; the default waits 50 ms for room for a picture, and meanwhile no leaf receives anything from the hub
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2000,
         # bytes; a picture that finds no room there goes through the sockets, in fifteen pieces
@@ -112,5 +112,5 @@ def open_leaf(endpoint: str, credentials: Credentials | None = None, timeout_s: 
                 "certificate not name this address (`perch-hil bus keys --host`)?"
             )
         elif endpoint.startswith("tls/"):
-            hint = "; one that listens on tls/ lets nobody in without --keys"
+            hint = "; one that listens on tls/ lets no process in without --keys"
         raise BusError(f"no hub answers at {endpoint}: start one with `perch-hil bus hub`{hint}") from None

@@ -1,4 +1,4 @@
-"""Who is up on a bus, at what rate and age, against the contract table."""
+"""Which services and topics are up on a bus, at what rate and age, against the contract table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hil.contract.topics import TOPICS
 
 @dataclass(frozen=True)
 class Status:
-    """What was heard. `topics`: name -> (Hz, age of the newest in ms); silent topics are absent."""
+    """What was received. `topics`: name -> (Hz, age of the newest in ms); topics that nothing published are absent."""
 
     services: dict[str, dict[str, Any]]
     topics: dict[str, tuple[float, float]]
@@ -28,17 +28,17 @@ class Status:
 
 
 def listen(endpoint: str, seconds: float, credentials: Credentials | None = None) -> Status:
-    """Listen for `seconds`. Raises BusError without a hub."""
+    """Receive for `seconds`. Raises BusError without a hub."""
     services: dict[str, dict[str, Any]] = {}
     counts: dict[str, int] = {}
     with Bus(endpoint, credentials) as bus:
-        bus.hear(HEALTH + "*", lambda table: services.update({str(table.get("service")): table}))
-        heard = bus.ages(TOPICS, counts)
+        bus.on_table(HEALTH + "*", lambda table: services.update({str(table.get("service")): table}))
+        received = bus.ages(TOPICS, counts)
         began = time.monotonic_ns()
         time.sleep(seconds)
         now = time.monotonic_ns()
     rate = 1e9 / (now - began)
-    return Status(services, {t: (counts[t] * rate, (now - at) / 1e6) for t, at in heard.items()})
+    return Status(services, {t: (counts[t] * rate, (now - at) / 1e6) for t, at in received.items()})
 
 
 def status_tables(seen: Status) -> list[Table]:
@@ -60,7 +60,7 @@ def status_tables(seen: Status) -> list[Table]:
         stale = age is None or (row.max_age_ms and age > row.max_age_ms)
         topics.add_row(
             name, f"{hz:.1f}", f"{row.hz:g}" if row.hz else "event",
-            "silent" if age is None else f"{age:.0f}", f"{row.max_age_ms:g}" if row.max_age_ms else "-",
+            "none" if age is None else f"{age:.0f}", f"{row.max_age_ms:g}" if row.max_age_ms else "-",
             style="yellow" if stale and row.hz else "",
         )  # fmt: skip
     return [services, topics]

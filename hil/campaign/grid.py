@@ -61,8 +61,7 @@ class Result:
     """What became of a job. `failure`: why there was no attempt."""
 
     job: Job
-    within_tolerance: bool = False
-    attached: bool = False
+    verdict: str = ""  # one word of `hil.scoring.verdict`
     reasons: tuple[str, ...] = ()
     failure: str = ""
 
@@ -156,7 +155,7 @@ def _fly(grid: Grid, job: Job, code: Code) -> Result | None:
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     score = flight.score
-    return Result(job, score.within_tolerance, score.attached, tuple(score.reasons), flight.failure)
+    return Result(job, score.verdict, tuple(score.reasons), flight.failure)
 
 
 def _wanted(grid: Grid, job: Job) -> str:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from hil.recording.manifest import clean_manifest, clean_score, nested
 from hil.recording.runs import Run
+from hil.scoring.verdict import INCOMPLETE, verdict_word
 
 
 class Group(NamedTuple):
@@ -50,6 +51,15 @@ class Line:
         return f"{policy.get('name', 'unknown')}{digest}"
 
     @property
+    def verdict(self) -> str:
+        """One word of `hil.scoring.verdict`."""
+        score = self.score
+        return verdict_word(
+            attached=score["attached"], within_tolerance=score["within_tolerance"], outcome=score["outcome"],
+            state=str(self.manifest.get("state", "finished")),
+        )  # fmt: skip
+
+    @property
     def commit(self) -> str:
         """Of the code it was flown with; "+" if that was changed since."""
         code = nested(self.manifest, "code")
@@ -57,14 +67,18 @@ class Line:
 
 
 def gather(runs: Sequence[Run]) -> tuple[list[Line], list[str]]:
-    """The runs that have a score, and a line for each that has none. Raises RunError for an unreadable file."""
+    """The runs that count, and a line for each that does not. Raises RunError for an unreadable file."""
     lines, skipped = [], []
     for run in runs:
         notes: list[str] = []
         score, manifest = clean_score(run.score, notes), clean_manifest(run.manifest, notes)
-        if score is None or score.get("outcome") == "incomplete":
-            why = "no score" if score is None else "ended before the referee decided"
-            skipped.append(f"{run.path.name}: {notes[0] if notes else why}")
+        line = Line(run.path.name, manifest, score or {})
+        if score is None:
+            skipped.append(f"{line.name}: {notes[0] if notes else 'no score'}")
+        elif line.verdict == INCOMPLETE:
+            undecided = score["outcome"] == INCOMPLETE
+            why = "ended before the referee decided" if undecided else f"its state is {manifest.get('state')}"
+            skipped.append(f"{line.name}: {notes[0] if notes else why}")
         else:
-            lines.append(Line(run.path.name, manifest, score))
+            lines.append(line)
     return lines, skipped

@@ -1,4 +1,4 @@
-"""All automatic checks by name: what a checklist may ask for."""
+"""All automatic checks by name, for use in checklists."""
 
 from __future__ import annotations
 

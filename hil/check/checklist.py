@@ -1,4 +1,4 @@
-"""Checklists as TOML: groups, each closed until the one before it passed, of automatic and manual items."""
+"""Checklists as TOML: groups of automatic and manual items; a group opens when the one before it has passed."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Item(_Table):
     """One line of a list: either `check` (automatic) or `ask` (manual).
 
     A manual item with a unit or limits asks for a number. `when`: skipped unless the device in `slot` (by default the
-    one the check reads, else the whole rig) is of that sort. `must`: cannot be skipped by the operator. `optional`:
-    UNKNOWN does not hold up the rest. `help`: what to do if it does not pass.
+    one that the check reads, else the whole rig) is of that kind. `must`: the operator cannot skip it. `optional`:
+    UNKNOWN does not block the next group. `help`: what to do if it does not pass.
     """
 
     check: str = ""
@@ -55,7 +55,7 @@ class Item(_Table):
     help: str = ""
 
     @model_validator(mode="after")
-    def _sane(self) -> Item:
+    def _consistent(self) -> Item:
         if bool(self.check) == bool(self.ask):
             raise ValueError('an item has either "check" (automatic) or "ask" (manual)')
         if self.ask and self.args:
@@ -76,11 +76,11 @@ class Item(_Table):
 
     @property
     def device(self) -> str:
-        """The rig's slot that `when` is about; empty for the whole rig."""
+        """The rig's slot that `when` refers to; empty for the whole rig."""
         return self.slot or _SLOT_OF.get(self.check.partition(".")[0], "")
 
     def applies(self, rig: Rig) -> bool:
-        """False if it is for the other sort of rig."""
+        """False if it is for the other kind of rig."""
         simulated = getattr(rig, self.device).kind == "sim" if self.device else rig.simulated
         return self.when == "any" or simulated is (self.when == "simulated")
 
@@ -98,7 +98,7 @@ class Group(_Table):
 
 
 class Checklist(_Table):
-    """One file. `kind` says what it clears: only a `preflight` list can clear a rig to arm."""
+    """One file. `kind`: only a `preflight` list can clear a rig to arm."""
 
     title: str
     kind: Literal["preflight", "postflight", "other"] = "other"
@@ -117,7 +117,7 @@ class Checklist(_Table):
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
 
     def places(self) -> list[tuple[int, int, str]]:
-        """(group, item, key) of every item; keys are unique and stay while the list does."""
+        """(group, item, key) of every item; keys are unique and constant for one list."""
         found: list[tuple[int, int, str]] = []
         seen: dict[str, int] = {}
         for g, group in enumerate(self.group):
@@ -129,7 +129,7 @@ class Checklist(_Table):
 
 
 def list_checklists() -> list[str]:
-    """Names of the lists that come with the project."""
+    """Names of the project's lists."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from statistics import fmean, median
 
-from hil.bench.camera import Seen
+from hil.bench.camera import BoardMeasurement
 from hil.bench.devices import Context
 from hil.bench.reading import Unavailable
 from hil.check.judge import Reading
@@ -13,7 +13,7 @@ from hil.check.registry import check
 
 @check("camera.mode")
 def mode(context: Context) -> Reading:
-    """Picture size and rate that are delivered, against the calibration and the scenario."""
+    """Delivered picture size and rate, against the calibration and the scenario."""
     bench = context.camera()
     width, height, rate = bench.mode
     wanted = (bench.camera.width, bench.camera.height, bench.wanted_hz)
@@ -26,7 +26,7 @@ def mode(context: Context) -> Reading:
 def decode(context: Context, *, distance: float = 2.0) -> Reading:
     """Share of ten pictures from `distance` (m) in which the board's pose is found."""
     bench = context.camera()
-    seen = bench.look(distance)
+    seen = bench.measure_board(distance)
     found = [s for s in seen if s.pose.found]
     why = sorted({s.pose.reason for s in seen if not s.pose.found})
     tags = sorted({i for s in found for i in s.pose.ids})
@@ -70,8 +70,8 @@ def inclination(context: Context, *, distance: float = 2.0) -> Reading:
     return Reading(abs(measured - bench.set_deg), detail, bench.source)
 
 
-def _found(context: Context, distance: float) -> list[Seen]:
-    seen = context.camera().look(distance)
+def _found(context: Context, distance: float) -> list[BoardMeasurement]:
+    seen = context.camera().measure_board(distance)
     found = [s for s in seen if s.pose.found]
     if not found:
         raise Unavailable(f"the board is in none of {len(seen)} pictures: {seen[-1].pose.reason}")

@@ -9,9 +9,9 @@ from hil.check.registry import check
 
 @check("car.mode")
 def mode(context: Context) -> Reading:
-    """The car's control mode after it was asked for CAN control."""
+    """The car's control mode after CAN control was requested."""
     car = context.car()
-    return Reading(car.feedback.mode or "not said", car.feedback.fault, car.source)
+    return Reading(car.feedback.mode or "not reported", car.feedback.fault, car.source)
 
 
 @check("car.fault")
@@ -30,7 +30,7 @@ def battery(context: Context) -> Reading:
 
 @check("car.stop", unit="s")
 def stop(context: Context, *, speed: float = 0.3) -> Reading:
-    """Tried: drives at `speed` (m/s) for a second, then silence; time until it brakes by itself (500 ms watchdog)."""
+    """Tried: one second at `speed` (m/s), then no commands; time until it brakes by itself (500 ms watchdog)."""
     car = context.car()
     report = car.try_stop(speed)
     if report.slowing_s is None or report.standing_s is None:

@@ -30,7 +30,7 @@ def disk(context: Context) -> Reading:
 
 @check("host.recorder", unit="messages/s")
 def recorder(context: Context) -> Reading:
-    """Tried: five thousand messages written where runs go, read back and counted."""
+    """Tried: 5,000 messages written to the run folder, read back and counted."""
     folder = _existing(context.out)
     try:
         with tempfile.TemporaryDirectory(prefix=".check-", dir=folder) as scratch:
@@ -47,13 +47,13 @@ def recorder(context: Context) -> Reading:
     except (OSError, RecordingError, ReadError) as error:
         return Reading(None, str(error), str(folder), ok=False)
     if count != _MESSAGES or not recording.complete or recording.faults:
-        return Reading(None, f"{count} of {_MESSAGES} came back: {recording.faults}", str(folder), ok=False)
+        return Reading(None, f"{count} of {_MESSAGES} read back: {recording.faults}", str(folder), ok=False)
     return Reading(round(_MESSAGES / seconds), f"{count} written and read back", str(folder))
 
 
 @check("host.code")
 def origin(context: Context) -> Reading:
-    """Commit of the running code: what cannot be told makes a flight worthless as evidence."""
+    """Commit of the running code: without it a flight is no evidence."""
     try:
         found = code()
     except ProvenanceError as error:
@@ -73,7 +73,7 @@ def bus(context: Context) -> Reading:
 
 @check("host.clock", unit="ms")
 def clock(context: Context) -> Reading:
-    """How well this host's clock is known against the hub's: half the least round trip. The run makes up the offset."""
+    """Uncertainty of this host's clock against the hub's: half the least round trip. The run corrects the offset."""
     found = context.clocks()
     detail = "the same clock" if found.shared else f"offset {found.offset_ns * 1e-9:.6f} s"
     return Reading(0.0 if found.shared else found.error_ns * 1e-6, detail, f"hub at {context.endpoint}")
@@ -81,9 +81,9 @@ def clock(context: Context) -> Reading:
 
 @check("host.date", unit="s")
 def date(context: Context) -> Reading:
-    """How far this host's date is from that of the hub's host: certificates, signatures and file times go by it."""
+    """How far this host's date is from that of the hub's host: certificates, signatures and file times use it."""
     found = context.clocks()
-    return Reading(abs(found.date_ns) * 1e-9, "set both by NTP if it matters", f"hub at {context.endpoint}")
+    return Reading(abs(found.date_ns) * 1e-9, "set both clocks by NTP", f"hub at {context.endpoint}")
 
 
 def _existing(folder: Path) -> Path:

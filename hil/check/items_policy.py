@@ -34,7 +34,7 @@ def contract(context: Context) -> Reading:
 
 @check("policy.hash")
 def digest(context: Context, *, sha256: str = "") -> Reading:
-    """sha256 of the policy's file (its first 16 digits); `sha256` in the list demands a certain one."""
+    """sha256 of the policy's file (its first 16 digits); `sha256` in the list requires a certain one."""
     file = policy_file(context.policy)
     if file is None:
         raise NotApplicable(_BUILT_IN)
@@ -43,4 +43,4 @@ def digest(context: Context, *, sha256: str = "") -> Reading:
     except ProvenanceError as error:
         return Reading(None, str(error), context.policy, ok=False)
     same = not sha256 or found.startswith(sha256.lower())
-    return Reading(found[:16], "" if same else f"the list wants {sha256}", context.policy, ok=same)
+    return Reading(found[:16], "" if same else f"the list requires {sha256}", context.policy, ok=same)

@@ -1,4 +1,4 @@
-"""Automatic checks after a flight: what the run folder holds."""
+"""Automatic checks after a flight: the contents of the run folder."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def score(context: Context) -> Reading:
 
 @check("run.trips", unit="trips")
 def trips(context: Context) -> Reading:
-    """How often the gate tripped."""
+    """How often the safety gate tripped."""
     run, found = _recording(context)
     try:
         events = [e.message for e in found.messages(["event"])]
     except ReadError as error:
         raise Unavailable(str(error)) from None
-    said = [event.text for event in events if event.text.startswith("gate tripped")]
-    return Reading(len(said), "; ".join(said[:2]), str(run.path))
+    texts = [event.text for event in events if event.text.startswith("gate tripped")]
+    return Reading(len(texts), "; ".join(texts[:2]), str(run.path))
 
 
 def _run(context: Context) -> Run:

@@ -11,7 +11,7 @@ from hil.check.judge import Reading
 from hil.check.registry import check
 from hil.contract.messages import Action, VehicleState
 from hil.recording.autopilot_parameters import changes, last_flight
-from hil.safety.gate import Gate
+from hil.safety.vehicle_gate import VehicleGate
 from vehicle.px4 import protocol as px4
 
 _NO_READING = 65535
@@ -23,7 +23,7 @@ def heartbeat(context: Context) -> Reading:
     """Age of the autopilot's last HEARTBEAT."""
     ground = context.ground()
     beat = ground.latest("HEARTBEAT")
-    age = (ground.until_ns - ground.heard["HEARTBEAT"][-1][0]) * 1e-9
+    age = (ground.until_ns - ground.received["HEARTBEAT"][-1][0]) * 1e-9
     if beat.autopilot != px4.AUTOPILOT_PX4:
         return Reading(age, f"autopilot type {beat.autopilot} is not PX4", ground.source, ok=False)
     return Reading(age, f"mode {px4.mode_name(beat.custom_mode)}", ground.source)
@@ -31,7 +31,7 @@ def heartbeat(context: Context) -> Reading:
 
 @check("vehicle.disarmed")
 def disarmed(context: Context) -> Reading:
-    """The autopilot says that it is disarmed."""
+    """The autopilot reports that it is disarmed."""
     ground = context.ground()
     armed = bool(ground.latest("HEARTBEAT").base_mode & px4.BaseMode.ARMED)
     return Reading(not armed, "armed!" if armed else "", ground.source, ok=not armed)
@@ -53,13 +53,13 @@ def sensors(context: Context) -> Reading:
     ground = context.ground()
     status = ground.latest("SYS_STATUS")
     wanted = status.onboard_control_sensors_present & status.onboard_control_sensors_enabled
-    ill = wanted & ~status.onboard_control_sensors_health & ~px4.PREARM_CHECK
-    return Reading(ill.bit_count(), f"bits {ill:#x} of SYS_STATUS" if ill else "", ground.source)
+    unhealthy = wanted & ~status.onboard_control_sensors_health & ~px4.PREARM_CHECK
+    return Reading(unhealthy.bit_count(), f"bits {unhealthy:#x} of SYS_STATUS" if unhealthy else "", ground.source)
 
 
 @check("vehicle.battery", unit="%")
 def battery(context: Context) -> Reading:
-    """Charge that is left, by the autopilot."""
+    """Remaining charge, as the autopilot reports it."""
     ground = context.ground()
     status = ground.latest("SYS_STATUS")
     volts = "" if status.voltage_battery == _NO_READING else f"{status.voltage_battery / 1000:.2f} V"
@@ -80,7 +80,7 @@ def estimator(context: Context) -> Reading:
 
 @check("vehicle.odometry", unit="Hz")
 def odometry(context: Context) -> Reading:
-    """Rate at which the autopilot sends ODOMETRY after it was asked for 100 Hz."""
+    """Rate at which the autopilot sends ODOMETRY after 100 Hz were requested."""
     ground = context.ground()
     ground.latest("ODOMETRY")
     return Reading(ground.rate_hz("ODOMETRY"), f"over {ground.listened_ns * 1e-9:.1f} s", ground.source)
@@ -90,7 +90,7 @@ def odometry(context: Context) -> Reading:
 def clock(context: Context) -> Reading:
     """Uncertainty of the clock offset to the autopilot: half the round trip of TIMESYNC."""
     ground = context.ground()
-    if not ground.heard.get("TIMESYNC"):
+    if not ground.received.get("TIMESYNC"):
         raise Unavailable("the autopilot does not answer TIMESYNC")
     return Reading(ground.round_trip_ns * 0.5e-6, f"offset {ground.clock_offset_ns * 1e-9:.3f} s", ground.source)
 
@@ -102,27 +102,29 @@ def parameter(context: Context, *, name: str) -> Reading:
     try:
         value = ground.parameters[name]
     except KeyError:
-        raise Unavailable(f"the autopilot does not answer for {name}: not a parameter of this firmware?") from None
+        raise Unavailable(
+            f"the autopilot does not answer a request for {name}: perhaps this firmware has no such parameter"
+        ) from None
     return Reading(value, name, ground.source)
 
 
 @check("vehicle.parameters_changed", unit="parameters")
 def parameters_changed(context: Context) -> Reading:
-    """Parameters that are not as in the last flight of this rig, of those that its manifest holds."""
+    """Parameters that differ from the last flight of this rig, of those in its manifest."""
     found = last_flight(context.out, context.rig_name)
     if found is None:
-        raise NotApplicable(f"no earlier flight of rig {context.rig_name} under {context.out} tells its parameters")
+        raise NotApplicable(f"no earlier flight of rig {context.rig_name} under {context.out} holds parameters")
     run, before = found
     ground = context.ground()
     now: dict[str, float] = {}
     for name in before:
-        with suppress(KeyError):  # no such parameter any more: a change like another
+        with suppress(KeyError):  # the parameter does not exist now: that is a change too
             now[name] = ground.parameters[name]
     if not now:
-        raise Unavailable("the autopilot answers for none of the parameters of that flight")
-    said = [f"{c.name} {_plain(c.other)}, now {_plain(c.value)}" for c in changes(now, before)]
+        raise Unavailable("the autopilot answers no request for the parameters of that flight")
+    texts = [f"{c.name} {_plain(c.other)}, now {_plain(c.value)}" for c in changes(now, before)]
     detail = f"{len(before)} compared with {run.path.name}"
-    return Reading(len(said), f"{'; '.join(said)} ({detail})" if said else detail, ground.source)
+    return Reading(len(texts), f"{'; '.join(texts)} ({detail})" if texts else detail, ground.source)
 
 
 def _plain(value: float | None) -> str:
@@ -147,13 +149,13 @@ def offboard_loss(context: Context) -> Reading:
     """Tried in a flight: from the last set-point until the autopilot leaves OFFBOARD by itself."""
     trial = context.trial()
     if trial.loss_s is None:
-        return Reading(None, "silent for 5 s, and still in OFFBOARD", trial.source, ok=False)
+        return Reading(None, "still in OFFBOARD after 5 s without set-points", trial.source, ok=False)
     return Reading(trial.loss_s, f"went to {trial.loss_mode}", trial.source)
 
 
 @check("vehicle.kill", unit="s")
 def kill(context: Context) -> Reading:
-    """Tried in the air: from the kill switch until disarmed and every motor's thrust is gone."""
+    """Tried in the air: from the kill command until it is disarmed and no motor gives thrust."""
     trial = context.trial()
     if trial.kill_s is None or trial.motors_off_s is None:
         return Reading(None, "the motors still turned after 3 s", trial.source, ok=False)
@@ -162,13 +164,13 @@ def kill(context: Context) -> Reading:
 
 @check("gate.fence", unit="m")
 def fence(context: Context) -> Reading:
-    """Least room between the scenario's workspace and the gate's fence, every side of which is tried."""
+    """Least distance between the scenario's workspace and the gate's fence; each side of the fence is tried."""
     limits, space = context.rig.gate, context.scenario.workspace
     sides = [(axis, end) for axis in range(3) for end in range(2)]
     fences, spaces = (limits.x, limits.y, limits.z), (space.x, space.y, space.z)
     middle = [0.5 * (low + high) for low, high in fences]
     if _trips(limits, middle):
-        return Reading(None, f"the gate trips in its own middle: {_trips(limits, middle)}", "gate", ok=False)
+        return Reading(None, f"the gate trips in the middle of its fence: {_trips(limits, middle)}", "gate", ok=False)
     for axis, end in sides:
         place = list(middle)
         place[axis] = fences[axis][end] + (0.01 if end else -0.01)
@@ -179,7 +181,7 @@ def fence(context: Context) -> Reading:
 
 
 def _trips(limits, place: list[float]) -> str:
-    gate = Gate(limits)
+    gate = VehicleGate(limits)
     x, y, z = place
     still, level = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     gate.check(0, Action(0, True, still, _GRAVITY, "", 0, 1.0), VehicleState(0, (x, y, z), still, level, still))
@@ -195,6 +197,6 @@ def mocap_rate(context: Context) -> Reading:
 
 @check("mocap.age", unit="ms")
 def mocap_age(context: Context) -> Reading:
-    """How old the newest pose ever gets before the next one comes."""
+    """Greatest age of the newest pose before the next one comes."""
     report = context.mocap()
     return Reading(report.age_ms, "", report.source)

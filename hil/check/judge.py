@@ -13,7 +13,7 @@ Value = bool | int | float | str
 
 
 class Outcome(StrEnum):
-    """What became of an item. PENDING: not reached."""
+    """Result of an item. PENDING: not reached."""
 
     PENDING = "PENDING"
     PASS = "PASS"
@@ -25,9 +25,10 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Reading:
-    """What a check found. `ok` is the check's own verdict where limits do not tell; None leaves it to the limits.
+    """Result of a check. `ok` is the check's own verdict where limits do not apply; None leaves it to the limits.
 
-    `value` None means that nothing was measured: with limits declared that is a failure. `source`: where it was read.
+    `value` None means that nothing was measured: with limits declared that is a failure. `source`: device
+    or file.
     """
 
     value: Value | None = None
@@ -94,12 +95,12 @@ def judge(reading: Reading, limits: Limits, unit: str = "") -> Judgement:
         return Judgement(Outcome.FAIL, None, reading.detail)
     if value is None:
         if limits.declared:
-            return Judgement(Outcome.FAIL, None, "declared to be measured, but left unset")
+            return Judgement(Outcome.FAIL, None, "limits are given, but no value was measured")
         if reading.ok is None:
             return Judgement(Outcome.UNKNOWN, None, reading.detail or "nothing was measured")
         return Judgement(Outcome.PASS)
     if isinstance(value, float) and not math.isfinite(value):
-        return Judgement(Outcome.UNKNOWN, None, f"the reading is {value}, no finite number")
+        return Judgement(Outcome.UNKNOWN, None, f"the reading is {value}, not a finite number")
     if limits.equals is not None:
         same = _same(value, limits.equals)
         return Judgement(Outcome.PASS if same else Outcome.FAIL, None, "" if same else f"must be {limits.equals}")

@@ -1,4 +1,4 @@
-"""A record as JUnit XML: a suite a group, a case an item. What is not known is an error: no green without data."""
+"""A record as JUnit XML: a suite per group, a case per item. An unknown item is an error, not a pass."""
 
 from __future__ import annotations
 

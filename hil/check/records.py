@@ -1,19 +1,25 @@
-"""The record of a checklist: written whole and in one piece after every change, so that nothing done is ever lost."""
+"""The record of a checklist: rewritten atomically after every change, so that no finished item is lost."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired
 
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from pydantic import BaseModel, ValidationError
+from typing_extensions import TypedDict
+
+from hil.check.crew_key import fingerprint, sign_digest, verifies
 from hil.check.judge import Outcome, Value
 
 FORMAT = 1
+_LARGEST = 16 << 20  # bytes of a record
 GO, NO_GO, ABORTED, INCOMPLETE = 0, 1, 3, 4  # exit codes of `perch-hil check`; 2 is usage, as everywhere
 VERDICTS = {GO: "go", NO_GO: "no-go", INCOMPLETE: "incomplete"}
 
@@ -35,7 +41,7 @@ class Entry:
     limit: str
     limits: dict[str, Value | None]
     unit: str
-    help: str = ""  # what to do if it does not pass
+    help: str = ""  # remedy if it does not pass
     outcome: Outcome = Outcome.PENDING
     value: Value | None = None
     margin: float | None = None
@@ -45,42 +51,54 @@ class Entry:
     operator: str = ""
     utc: str = ""
     seconds: float | None = None
-    history: list[str] = field(default_factory=list)  # what it was before it was tried again
+    history: list[str] = field(default_factory=list)  # earlier results, before it was tried again
 
     def reset(self) -> None:
-        """Back to PENDING; what it was is kept in `history`."""
+        """Back to PENDING; the earlier result is kept in `history`."""
         if self.outcome is not Outcome.PENDING:
-            who = f" by {self.operator}" if self.operator else ""
-            said = "; ".join(part for part in (self.reason, self.detail) if part)
-            self.history.append(f"{self.utc} {self.outcome}{who}{': ' + said if said else ''}")
+            by = f" by {self.operator}" if self.operator else ""
+            text = "; ".join(part for part in (self.reason, self.detail) if part)
+            self.history.append(f"{self.utc} {self.outcome}{by}{': ' + text if text else ''}")
         self.outcome, self.value, self.margin, self.seconds = Outcome.PENDING, None, None, None
         self.reason = self.detail = self.source = self.operator = self.utc = ""
 
 
+class SignOff(TypedDict):
+    """Who signed, when (UTC, ISO 8601), and the digest of what was signed."""
+
+    operator: str
+    utc: str
+    sha256: str
+    key: NotRequired[str]  # fingerprint of the crew's key; without one the record is only sealed by its digest
+    signature: NotRequired[str]
+
+
 @dataclass
 class Record:
-    """A whole record: what for (`subject`), the items, what happened on the way, and the sign-off."""
+    """A whole record: what it clears (`subject`), the items, the sessions, and the sign-off."""
 
     subject: dict[str, Any]
     started_utc: str
     entries: list[Entry]
     sessions: list[dict[str, str]] = field(default_factory=list)
-    sign_off: dict[str, str] | None = None
+    sign_off: SignOff | None = None
 
     @property
     def state(self) -> str:
-        """`incomplete` until signed off."""
-        return "signed" if self.sign_off else "incomplete"
+        """`incomplete` until signed off; then `signed` with a key of the crew, or `sealed` by a digest only."""
+        if self.sign_off is None:
+            return "incomplete"
+        return "signed" if self.sign_off.get("signature") else "sealed"
 
     def exit_code(self) -> int:
-        """NO_GO, INCOMPLETE or GO by the items alone; the sign-off is another matter."""
+        """NO_GO, INCOMPLETE or GO by the items alone, without the sign-off."""
         outcomes = [entry.outcome for entry in self.entries]
         if Outcome.FAIL in outcomes:
             return NO_GO
         return GO if all(passed(entry) for entry in self.entries) else INCOMPLETE
 
     def content(self) -> dict[str, Any]:
-        """What is signed."""
+        """What the sign-off covers."""
         code = self.exit_code()
         return {
             "format": FORMAT,
@@ -96,21 +114,42 @@ class Record:
         """The file's content."""
         return {"state": self.state, **self.content(), "sign_off": self.sign_off}
 
-    def sign(self, operator: str, utc: datetime) -> None:
-        """Sign what is in it now. Raises RecordError without a name."""
+    def sign(self, operator: str, utc: datetime, key: Ed25519PrivateKey | None = None) -> None:
+        """Sign off what is in it now, with the crew's `key` if given. Raises RecordError without a name."""
         if not operator.strip():
-            raise RecordError("a record is signed with a name")
+            raise RecordError("signing needs an operator's name")
         digest = _digest(self.content(), operator.strip(), iso(utc))
-        self.sign_off = {"operator": operator.strip(), "utc": iso(utc), "sha256": digest}
+        self.sign_off = SignOff(operator=operator.strip(), utc=iso(utc), sha256=digest)
+        if key is not None:
+            self.sign_off["key"] = fingerprint(key.public_key())
+            self.sign_off["signature"] = sign_digest(key, digest)
 
     def genuine(self) -> bool:
-        """True if signed, and nothing in it has changed since."""
+        """True if signed off, and nothing in it has changed since: a digest, which anyone can compute anew."""
         sign = self.sign_off
         return sign is not None and sign.get("sha256") == _digest(self.content(), sign["operator"], sign["utc"])
 
+    def signed_by(self, keys: Mapping[str, Ed25519PublicKey]) -> bool:
+        """True if unchanged since it was signed with one of `keys` (by fingerprint)."""
+        sign = self.sign_off
+        key = keys.get(sign.get("key", "")) if sign is not None else None
+        if sign is None or key is None or not self.genuine():
+            return False
+        return verifies(key, sign["sha256"], sign.get("signature", ""))
+
+
+class _File(BaseModel):
+    """The file's content, as far as it is read: the verdict and the counts follow from the entries."""
+
+    subject: dict[str, Any]
+    started_utc: str
+    entries: list[Entry]
+    sessions: list[dict[str, str]]
+    sign_off: SignOff | None
+
 
 def passed(entry: Entry) -> bool:
-    """True if the entry holds nothing up."""
+    """True if the entry does not block a go."""
     if entry.outcome in (Outcome.PASS, Outcome.MARGINAL, Outcome.SKIPPED):
         return True
     return entry.optional and entry.outcome is Outcome.UNKNOWN
@@ -122,7 +161,7 @@ def iso(moment: datetime) -> str:
 
 
 def write(path: Path, record: Record) -> None:
-    """Write in one piece and down to the disk: a crash, or an empty battery, leaves the old or the new one."""
+    """Write atomically, with fsync: a crash or power loss leaves either the old or the new record."""
     text = json.dumps(record.as_dict(), indent=2, allow_nan=False) + "\n"
     scratch = path.with_name(f".{path.name}.new")
     try:
@@ -142,25 +181,31 @@ def write(path: Path, record: Record) -> None:
 
 
 def read(path: Path) -> Record:
-    """The record at `path`. Raises RecordError if it is none."""
+    """The record at `path`. Raises RecordError if it is none: whatever lies there, no other exception leaves."""
     try:
+        if not path.is_file():  # a pipe of that name would block
+            raise RecordError(f"{path}: is not a file")
+        if path.stat().st_size > _LARGEST:
+            raise RecordError(f"{path}: is larger than {_LARGEST >> 20} MiB: not a checklist record")
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise RecordError(f"{path}: is no checklist record: {error}") from None
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, RecordError):
+            raise
+        raise RecordError(f"{path}: is not a checklist record: {error}") from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        form = data.get("format") if isinstance(data, dict) else None
+        raise RecordError(f"{path}: is a record of format {form}, this program reads {FORMAT}")
     try:
-        if data["format"] != FORMAT:
-            raise RecordError(f"{path}: is a record of format {data['format']}, this program reads {FORMAT}")
-        entries = [Entry(**{**e, "outcome": Outcome(e["outcome"])}) for e in data["entries"]]
-        sign = data["sign_off"]
-        if sign is not None and not all(isinstance(sign.get(k), str) for k in ("operator", "utc", "sha256")):
-            raise ValueError("its sign-off is damaged")
-        return Record(data["subject"], data["started_utc"], entries, data["sessions"], sign)
-    except RecordError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RecordError(f"{path}: is no checklist record, or a damaged one ({error!r})") from None
+        found = _File.model_validate(data)
+        record = Record(found.subject, found.started_utc, found.entries, found.sessions, found.sign_off)
+        json.dumps(record.as_dict(), allow_nan=False)
+    except (ValueError, RecursionError) as error:
+        faults = error.errors(include_url=False) if isinstance(error, ValidationError) else []
+        why = f"{'.'.join(map(str, faults[0]['loc']))}: {faults[0]['msg']}" if faults else str(error)
+        raise RecordError(f"{path}: is not a checklist record, or is damaged ({why})") from None
+    return record
 
 
 def find(folder: Path, wanted: Callable[[Record], bool]) -> list[tuple[Path, Record]]:

@@ -13,7 +13,7 @@ from kernel.toml_errors import nearest
 
 @dataclass(frozen=True)
 class Check:
-    """A registered check. `arguments`: name -> type, of those a checklist may give; `needed`: those it must."""
+    """A registered check. `arguments`: name -> type, of those a checklist may give; `needed`: those it must give."""
 
     name: str
     unit: str

@@ -1,4 +1,4 @@
-"""Walking through a checklist: gates, automatic items, questions; the record is on disk before and after each step."""
+"""Running a checklist: groups, automatic items, questions; the record is on disk before and after each item."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from hil.check.records import Entry, Record, iso, passed
 
 
 class Answer(NamedTuple):
-    """What the operator said to a manual item. `outcome` PENDING takes the previous answer back."""
+    """The operator's answer to a manual item. `outcome` PENDING: return to the previous one."""
 
     outcome: Outcome
     reason: str = ""
     value: Value | None = None
 
 
-class Face(Protocol):
-    """Where the operator looks and types. `interactive` False: nobody is there."""
+class OperatorInterface(Protocol):
+    """Shows items to the operator and asks. `interactive` False: there is no operator."""
 
     interactive: bool
 
     def show(self, record: Record, at: int) -> None:
-        """Item `at` is being worked on."""
+        """Item `at` is begun."""
         ...
 
     def done(self, record: Record, at: int) -> None:
@@ -43,25 +43,31 @@ class Face(Protocol):
         ...
 
     def try_again(self, record: Record, group: str) -> bool:
-        """The group did not pass: shall what failed be tried again?"""
+        """The group did not pass: True if the failed items are to be tried again."""
         ...
 
 
 class Session:
-    """One sitting of an operator with a record."""
+    """One session of an operator with a record."""
 
     def __init__(
-        self, checklist: Checklist, context: Context, record: Record, path: Path, face: Face, operator: str
+        self,
+        checklist: Checklist,
+        context: Context,
+        record: Record,
+        path: Path,
+        interface: OperatorInterface,
+        operator: str,
     ) -> None:
         self._checklist, self._context, self._record, self._path = checklist, context, record, path
-        self._face, self._operator = face, operator
+        self._operator_interface, self._operator = interface, operator
         self._checks = checks()
         self._items = [checklist.group[g].item[i] for g, i, _ in checklist.places()]
 
     def run(self) -> None:
-        """Work through the groups until the end or a group that does not pass.
+        """Run the groups until the end or until a group does not pass.
 
-        KeyboardInterrupt and EOFError pass through; the record on disk is then as far as the last item. Raises
+        KeyboardInterrupt and EOFError are passed on; the record on disk then holds all complete items. Raises
         RecordError if it cannot be written.
         """
         record = self._record
@@ -89,7 +95,7 @@ class Session:
                     at += 1
             if all(passed(entries[i]) for i in places):
                 return True
-            if not (self._face.interactive and self._face.try_again(self._record, title)):
+            if not (self._operator_interface.interactive and self._operator_interface.try_again(self._record, title)):
                 return False
             self._context.forget()
             for i in places:
@@ -98,28 +104,28 @@ class Session:
             self._write()
 
     def _item(self, at: int, places: range) -> int:
-        """Work on one item; returns where to go on."""
+        """Run one item; returns the index of the next one."""
         entry, item = self._record.entries[at], self._items[at]
-        self._face.show(self._record, at)
+        self._operator_interface.show(self._record, at)
         began = time.monotonic()
         if not item.applies(self._context.rig):
             what = f"a {item.when} {item.device or 'rig'}"
             self._settle(entry, Judgement(Outcome.SKIPPED, None, f"for {what} only"), Reading())
         elif item.check:
             self._automatic(entry, item)
-        elif not self._face.interactive:
-            self._settle(entry, Judgement(Outcome.UNKNOWN, None, "nobody was there to be asked"), Reading())
+        elif not self._operator_interface.interactive:
+            self._settle(entry, Judgement(Outcome.UNKNOWN, None, "there is no operator to ask"), Reading())
         else:
-            answer = self._face.ask(self._record, at, item)
+            answer = self._operator_interface.ask(self._record, at, item)
             if answer.outcome is Outcome.PENDING:
-                return self._take_back(at, places)
+                return self._previous_question(at, places)
             self._manual(entry, item, answer)
         entry.utc, entry.seconds, entry.operator = iso(_now()), round(time.monotonic() - began, 3), self._operator
         self._write()
-        self._face.done(self._record, at)
+        self._operator_interface.done(self._record, at)
         return at + 1
 
-    def _take_back(self, at: int, places: range) -> int:
+    def _previous_question(self, at: int, places: range) -> int:
         for earlier in range(at - 1, places.start - 1, -1):
             if self._items[earlier].ask:
                 self._record.entries[earlier].reset()
@@ -134,8 +140,8 @@ class Session:
             self._settle(entry, Judgement(Outcome.UNKNOWN, None, str(error)), Reading())
         except NotApplicable as error:
             self._settle(entry, Judgement(Outcome.SKIPPED, None, str(error)), Reading())
-        except Exception as error:  # a check that breaks must not take the record, or the other checks, with it
-            why = f"the check broke: {type(error).__name__}: {error}"
+        except Exception as error:  # an error in one check must not end the record or the other checks
+            why = f"the check raised {type(error).__name__}: {error}"
             self._settle(entry, Judgement(Outcome.UNKNOWN, None, why), Reading())
         else:
             self._settle(entry, judge(reading, item.limits, entry.unit), reading)
@@ -144,7 +150,7 @@ class Session:
         reading = Reading(answer.value, "", "operator", ok=True)
         if answer.outcome is Outcome.PASS and item.asks_number:
             if answer.value is None:
-                judgement = Judgement(Outcome.FAIL, None, "declared to be measured, but left unset")
+                judgement = Judgement(Outcome.FAIL, None, "limits are given, but no value was entered")
             else:
                 judgement = judge(reading, item.limits, entry.unit)
         else:
@@ -167,7 +173,7 @@ class Session:
 
 
 def new_record(checklist: Checklist, subject: dict) -> Record:
-    """A record with every item pending. `subject`: what it is for; the list's identity is added."""
+    """A record with every item pending. `subject`: what it clears; the list's identity is added."""
     known, entries = checks(), []
     for g, i, key in checklist.places():
         group, item = checklist.group[g], checklist.group[g].item[i]

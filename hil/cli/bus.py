@@ -42,12 +42,12 @@ def keys(
     One authority, and one identity for each service.
     Give a host ca.crt and the .crt and .key of what it runs; keep ca.key away from all of them.
     """
+    from hil.assembly.node_table import SERVICES
     from hil.bus.certificates import DAYS, KeysError, make_keys
     from hil.bus.leaf import OBSERVERS
-    from hil.live.spec import GROUPS
 
     try:
-        files = make_keys(folder, ["hub", *OBSERVERS, *GROUPS], host or ())
+        files = make_keys(folder, ["hub", *OBSERVERS, *SERVICES], host or ())
     except KeysError as error:
         raise fail(str(error)) from None
     print(f"{len(files)} files in {folder}, valid for {DAYS} days: perch-hil run SCENARIO --live --keys {folder}")
@@ -67,15 +67,15 @@ def hub(
 
     Exit code: 0 ended by Ctrl-C, 2 usage or configuration, 3 the address cannot be served.
     """
+    from hil.assembly.node_table import service_nodes
     from hil.assembly.rig import load_rig
     from hil.bus.keys import access_control
     from hil.bus.leaf import BusError
     from hil.live.hub import serve_hub
-    from hil.live.spec import services
 
     try:
         address, own = hub_endpoint(endpoint, keys), credentials(keys, ["hub"])
-        access = access_control(services(load_rig(rig))) if keys is not None else None
+        access = access_control(service_nodes(load_rig(rig))) if keys is not None else None
         print(f"hub on {address}, end it with Ctrl-C", file=sys.stderr)
         serve_hub(address, own, access, with_parent=False)
     except ValueError as error:

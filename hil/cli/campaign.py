@@ -108,9 +108,7 @@ def _fly(grid: Any, todo: list[Any], total: int, processes: int, code: Any) -> i
         for result in fly_all(grid, todo, processes, code):
             bar.advance(task)
             job = result.job
-            what = result.failure or (
-                "within tolerance" if result.within_tolerance else "attached" if result.attached else "missed"
-            )
+            what = result.failure or result.verdict
             why = f" ({'; '.join(result.reasons)})" if result.reasons and not result.failure else ""
             said = "could not run: " if result.failure else ""
             bar.console.print(

@@ -25,6 +25,7 @@ def check(
     records: Records = Path("checks"),
     operator: Annotated[str | None, typer.Option(help="your name; asked for if there is a terminal")] = None,
     sign: Annotated[bool, typer.Option("--sign", help="sign a go without asking; needs --operator")] = False,
+    crew_key: Annotated[Path | None, typer.Option("--key", help="the crew's Ed25519 key (PEM), to sign with")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="begin anew even if a record is open")] = False,
     run: Annotated[Path | None, typer.Option(help="run to look back on [default: the newest under --out]")] = None,
     out: Out = Path("runs"),
@@ -47,7 +48,7 @@ def check(
 
     Exit code: 0 go and signed, 1 no-go, 2 usage, 3 aborted, 4 incomplete (not all known, or not signed).
     """
-    from hil.check.command import Wish, print_names, run_checklist
+    from hil.check.command import CheckRequest, print_names, run_checklist
     from hil.check.records import ABORTED
     from hil.recording.provenance import ProvenanceError
 
@@ -58,7 +59,7 @@ def check(
         raise fail("which checklist? perch-hil check preflight, perch-hil check postflight, or a path to a .toml")
     if sign and not operator:
         raise fail("--sign needs --operator NAME: a signature needs a name")
-    wish = Wish(
+    request = CheckRequest(
         list_name=str(own) if own is not None else str(what),
         rig=rig,
         policy=policy,
@@ -74,9 +75,10 @@ def check(
         junit_file=junit_file,
         endpoint=endpoint or "",
         keys=keys,
+        crew_key=crew_key,
     )
     try:
-        code = run_checklist(wish)
+        code = run_checklist(request)
     except (ValueError, ProvenanceError) as error:
         raise fail(str(error)) from None
     except (KeyboardInterrupt, EOFError):

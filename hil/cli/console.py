@@ -13,6 +13,7 @@ from rich.text import Text
 
 from hil.scoring.binomial import interval
 from hil.scoring.score import Score
+from hil.scoring.verdict import ATTACHED, MISSED, PERCHED
 from scenarios.paper import RealRow, SimulatedRow, paper
 from scenarios.spec import Scenario, published_row
 
@@ -167,9 +168,8 @@ def _number(value: float | tuple[float, float] | None, digits: int) -> str:
 
 
 def _verdict(score: Score) -> Text:
-    if score.within_tolerance:
-        return Text("perched", style="green")
-    return Text("attached", style="yellow") if score.attached else Text("missed", style="red")
+    style = {PERCHED: "green", ATTACHED: "yellow", MISSED: "red"}
+    return Text(score.verdict.partition(",")[0], style=style.get(score.verdict, ""))
 
 
 def _yes(value: bool) -> Text:

@@ -1,4 +1,4 @@
-"""`perch-hil`: the command line. Exit codes: 0 perched within tolerance, 1 not, 2 usage or configuration, 3 could not
+"""`perch-hil`: the command line. Exit codes: 0 perched, 1 not, 2 usage or configuration, 3 could not
 run, 130 interrupted."""
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def run(
 
     Each run leaves one folder: manifest.json, run.mcap, score.json. With --json: one object a run, a line each.
 
-    Exit code: 0 every run perched within tolerance, 1 not every one, 2 usage or configuration, 3 could not run,
+    Exit code: 0 every run perched (attached and within tolerance), 1 not, 2 usage or configuration, 3 could not run,
     130 interrupted.
     """
     from hil.cli.flights import Request, plan_of
@@ -180,9 +180,8 @@ def _print(plan: Plan, flown: Flown, notes: Console, as_json: bool, several: boo
 
 
 def _line(score: Score) -> str:
-    verdict = "within tolerance" if score.within_tolerance else "attached" if score.attached else "missed"
     why = f" ({'; '.join(score.reasons)})" if score.reasons else ""
-    return f"seed {score.seed}: {verdict}{why}"
+    return f"seed {score.seed}: {score.verdict}{why}"
 
 
 def _exit_code(flown: Sequence[Flown]) -> int:
@@ -190,4 +189,4 @@ def _exit_code(flown: Sequence[Flown]) -> int:
         return INTERRUPTED
     if any(one.flight.failure for one in flown):
         return COULD_NOT_RUN
-    return PERCHED if all(one.flight.score.within_tolerance for one in flown) else NOT_PERCHED
+    return PERCHED if all(one.flight.score.verdict == "perched" for one in flown) else NOT_PERCHED

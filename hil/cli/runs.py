@@ -34,7 +34,7 @@ def runs(
 ) -> None:
     """List runs, oldest first.
 
-    Verdicts: perched is within tolerance, attached is not, missed touched nothing.
+    Verdicts: perched is attached and within tolerance, attached is outside it, missed is not attached.
 
     Exit code: 0, also if there are none; 2 usage; 3 a table could not be written.
     """

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
-from hil.contract.node import Node
 from hil.contract.topics import TOPICS, may_read
 
 
@@ -12,8 +12,21 @@ class GraphError(ValueError):
     """The nodes do not fit the contract."""
 
 
-def check_graph(nodes: Sequence[Node]) -> None:
-    """Every topic known, every input allowed and produced by somebody, every topic (but events) produced once.
+class Declaration(Protocol):
+    """What is checked of a node: its name and its topics."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def inputs(self) -> tuple[str, ...]: ...
+    @property
+    def outputs(self) -> tuple[str, ...]: ...
+    @property
+    def wakes(self) -> tuple[str, ...]: ...
+
+
+def check_graph(nodes: Sequence[Declaration]) -> None:
+    """Every topic known, every input allowed and published by a node, every topic (but events) published once.
 
     Raises GraphError naming the node and the topic: above all when a node of the policy slot asks for the car's truth.
     """
@@ -31,7 +44,7 @@ def check_graph(nodes: Sequence[Node]) -> None:
     for node in nodes:
         for topic in node.inputs:
             if not may_read(node.name, topic):
-                readers = ", ".join(TOPICS[topic].readers) or "nobody"
+                readers = ", ".join(TOPICS[topic].readers) or "no node"
                 raise GraphError(f"node {node.name!r} may not read {topic!r}: the contract allows {readers}")
             if topic not in producers:
                 raise GraphError(f"node {node.name!r} reads {topic!r}, which no node of this graph publishes")

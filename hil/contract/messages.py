@@ -25,7 +25,7 @@ class VehicleState:
 
 @dataclass(frozen=True, slots=True)
 class VehicleStatus:
-    """What the autopilot says of itself."""
+    """What the autopilot reports of itself."""
 
     stamp_ns: int
     connected: bool
@@ -108,7 +108,7 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """The outcome of looking for the board in one picture; `found` False says it was looked for and not seen."""
+    """The outcome of looking for the board in one picture; `found` False: it was looked for and not seen."""
 
     stamp_ns: int  # middle of the exposure
     found: bool
@@ -171,7 +171,7 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """The referee's word: `outcome` is ongoing, success, fail (Algorithm 1); attached says the magnet held."""
+    """The referee's verdict: `outcome` is ongoing, success, fail (Algorithm 1); `attached`: the magnet held."""
 
     stamp_ns: int
     outcome: str

@@ -1,9 +1,9 @@
-"""What a node is: declared topics, a period, and one pure-looking step. The same node runs in every host."""
+"""What a node is: declared topics, a period, and one deterministic step. The same node runs in every host."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 
 class Out(NamedTuple):
@@ -38,30 +38,41 @@ class Inbox:
             queue.clear()
 
 
-class Node(Protocol):
-    """An adapter around one component. `step` may not read a clock, touch a file or block.
+class Node:
+    """An adapter around one component; the base class of every node, with all that a host may ask of it.
 
     A node steps every `period_ns` (0: never by time) and whenever a message arrives on one of `wakes`.
     """
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def inputs(self) -> tuple[str, ...]: ...
-    @property
-    def outputs(self) -> tuple[str, ...]: ...
-    @property
-    def wakes(self) -> tuple[str, ...]: ...
-    @property
-    def period_ns(self) -> int: ...
+    name: str
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    wakes: tuple[str, ...] = ()
+    period_ns: int = 0
 
-    def step(self, now_ns: int, inbox: Inbox) -> list[Out]: ...
+    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+        """Consume what is new in `inbox` at the run's time `now_ns`; may not read a clock, touch a file or block."""
+        raise NotImplementedError(f"{type(self).__name__} has no step")
 
-    def close(self) -> None: ...
+    def abort(self, why: str) -> None:
+        """Bring what this node drives to its safe state; nothing to do for a node that drives no device."""
+
+    @property
+    def safe(self) -> bool:
+        """Whether what this node drives is in its safe state, so that its process may end."""
+        return True
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """What this node has rejected or dropped so far: description -> count."""
+        return {}
+
+    def close(self) -> None:
+        """Release what the node holds outside its process's memory."""
 
 
 def routes(nodes: Sequence[Node]) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
-    """Who reads each topic and whom it wakes, as indices into `nodes`."""
+    """Which nodes read each topic and which it wakes, as indices into `nodes`."""
     readers: dict[str, list[int]] = {}
     wakes: dict[str, list[int]] = {}
     for rank, node in enumerate(nodes):

@@ -1,10 +1,12 @@
-"""The bus contract in one table: what each topic carries, how often, how old it may get, and who may read it.
+"""The bus contract in one table: what each topic carries, how often, how old it may get, and which nodes publish and
+read it.
 
-Both hosts enforce `readers`: the policy can never see the ground car's truth because no graph that lets it is built.
+Every host enforces `readers`: the policy can never see the ground car's truth because no graph that lets it is built.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from hil.contract import messages as m
@@ -14,38 +16,40 @@ EVERYONE = ("*",)
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row of the contract. `hz` is that of its ticks, between which more may come; 0 means on event only.
-    `max_age_ms` 0 means it does not go stale."""
+    """One row of the contract. `hz` is the rate of its periodic messages, between which more may come; 0 means on event
+    only. `max_age_ms` 0 means it does not go stale. `writers` in order of precedence: the first that a run has
+    publishes."""
 
     message: type
     hz: float
     max_age_ms: int
     recorded: bool
+    writers: tuple[str, ...]
     readers: tuple[str, ...]
 
 
 _TRUTH = ("vehicle_device", "camera", "mocap")
 
 TOPICS: dict[str, Topic] = {
-    "truth/vehicle": Topic(m.VehicleState, 250, 20, True, _TRUTH),
-    "truth/board": Topic(m.BoardState, 250, 20, True, _TRUTH),
-    "mocap/vehicle": Topic(m.VehicleState, 100, 50, True, ("referee", "vehicle_link")),
-    "mocap/board": Topic(m.BoardState, 100, 50, True, ("referee", "car_follower")),
-    "car/reference": Topic(m.CarReference, 50, 100, True, ()),
-    "car/command": Topic(m.CarCommand, 50, 100, True, ("car_link",)),
-    "car/sent": Topic(m.CarCommand, 0, 0, True, ()),
-    "car/feedback": Topic(m.CarFeedback, 50, 100, True, ()),
-    "vehicle/odometry": Topic(m.VehicleState, 100, 50, True, ("detector", "belief", "policy")),
-    "vehicle/status": Topic(m.VehicleStatus, 10, 500, True, EVERYONE),
-    "vehicle/parameters": Topic(m.VehicleParameters, 0, 0, True, ()),
-    "camera/image": Topic(m.Image, 60, 100, True, ("detector",)),
-    "board/detection": Topic(m.Detection, 60, 0, True, ("belief",)),
-    "belief": Topic(m.Belief, 100, 50, True, ("policy", "detector")),
-    "policy/action": Topic(m.Action, 100, 50, True, ("vehicle_link",)),
-    "vehicle/sent": Topic(m.Sent, 100, 50, True, ("policy",)),
-    "referee/contact": Topic(m.Contact, 100, 50, True, ("vehicle_device", "vehicle_link", "director")),
-    "run/stage": Topic(m.Stage, 20, 100, True, EVERYONE),
-    "event": Topic(m.Event, 0, 0, True, EVERYONE),
+    "truth/vehicle": Topic(m.VehicleState, 250, 20, True, ("vehicle_device", "vehicle_link"), _TRUTH),
+    "truth/board": Topic(m.BoardState, 250, 20, True, ("car_device", "car_link"), _TRUTH),
+    "mocap/vehicle": Topic(m.VehicleState, 100, 50, True, ("mocap",), ("referee", "vehicle_link")),
+    "mocap/board": Topic(m.BoardState, 100, 50, True, ("mocap",), ("referee", "car_follower")),
+    "car/reference": Topic(m.CarReference, 50, 100, True, ("car_follower",), ()),
+    "car/command": Topic(m.CarCommand, 50, 100, True, ("car_follower",), ("car_link",)),
+    "car/sent": Topic(m.CarCommand, 0, 0, True, ("car_link",), ()),
+    "car/feedback": Topic(m.CarFeedback, 50, 100, True, ("car_link",), ()),
+    "vehicle/odometry": Topic(m.VehicleState, 100, 50, True, ("vehicle_link",), ("detector", "belief", "policy")),
+    "vehicle/status": Topic(m.VehicleStatus, 10, 500, True, ("vehicle_link",), EVERYONE),
+    "vehicle/parameters": Topic(m.VehicleParameters, 0, 0, True, ("vehicle_link",), ()),
+    "camera/image": Topic(m.Image, 60, 100, True, ("camera",), ("detector",)),
+    "board/detection": Topic(m.Detection, 60, 0, True, ("detector", "camera"), ("belief",)),
+    "belief": Topic(m.Belief, 100, 50, True, ("belief",), ("policy", "detector")),
+    "policy/action": Topic(m.Action, 100, 50, True, ("policy",), ("vehicle_link",)),
+    "vehicle/sent": Topic(m.Sent, 100, 50, True, ("vehicle_link",), ("policy",)),
+    "referee/contact": Topic(m.Contact, 100, 50, True, ("referee",), ("vehicle_device", "vehicle_link", "director")),
+    "run/stage": Topic(m.Stage, 20, 100, True, ("director",), EVERYONE),
+    "event": Topic(m.Event, 0, 0, True, EVERYONE, EVERYONE),
 }
 
 
@@ -53,3 +57,10 @@ def may_read(node: str, topic: str) -> bool:
     """True if the contract lets `node` subscribe to `topic`. Raises KeyError for an unknown topic."""
     readers = TOPICS[topic].readers
     return node in readers or readers == EVERYONE
+
+
+def published_by(node: str, present: Collection[str]) -> set[str]:
+    """Topics that `node` publishes in a run of the nodes `present`; "event", which every node may publish, not among
+    them."""
+    first = {topic: next((w for w in row.writers if w in present), None) for topic, row in TOPICS.items()}
+    return {topic for topic, writer in first.items() if writer == node}

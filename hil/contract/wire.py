@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 class ByteWire(Protocol):
     """A datagram or byte stream (MAVLink). `receive` never blocks; one item per datagram, oldest first."""
 
-    def send(self, data: bytes, /) -> None: ...
+    def send(self, data: bytes, /) -> object: ...
 
     def receive(self) -> list[bytes]: ...
 
@@ -28,9 +28,9 @@ class CanFrame(NamedTuple):
 
 
 class CanWire(Protocol):
-    """A CAN bus. `receive` never blocks and never returns what this end sent."""
+    """A CAN bus. `receive` never blocks and never returns what this end sent; `send` is False for a refused frame."""
 
-    def send(self, frame: CanFrame, /) -> None: ...
+    def send(self, frame: CanFrame, /) -> bool | None: ...
 
     def receive(self) -> list[CanFrame]: ...
 

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from hil.assembly.rig import Rig
-from hil.assembly.simulation import Simulation, build
+from hil.assembly.simulation import build, counters
 from hil.contract.graph import check_graph
 from hil.contract.messages import Event, Stage
 from hil.host.lockstep import Clock, Lockstep, Tap
+from hil.host.space import check_space
 from hil.recording.foxglove import FoxgloveView
 from hil.recording.provenance import Code
 from hil.recording.receipts import ReceiptBook, Receipted
@@ -49,14 +50,14 @@ class _Watch:
         self._wall = 0.0
         self._virtual_ns = 0
         self.stage = "prepare"
-        self.errors: list[str] = []
+        self.errors: list[Event] = []
         self.real_time_factor: float | None = None
 
     def __call__(self, now_ns: int, topic: str, message: Any) -> None:
         if topic == "event":
             event: Event = message
             if event.severity == "error":
-                self.errors.append(event.text)
+                self.errors.append(event)
         elif topic == "run/stage":
             stage: Stage = message
             if stage.name != self.stage:
@@ -66,6 +67,15 @@ class _Watch:
             if now_ns >= self._next_ns:
                 self._next_ns = now_ns + 200_000_000
                 self._progress(now_ns, self.stage)
+
+    @property
+    def failure(self) -> str:
+        """Why no attempt took place, in the director's words and those of the last errors; empty if one did."""
+        causes = [error.text for error in self.errors if error.source == "director"]
+        if not causes:
+            return ""
+        details = [error.text for error in self.errors if error.text != causes[-1]]
+        return "; ".join([causes[-1], *details[-2:]])
 
     def finish(self, now_ns: int) -> None:
         if self._virtual_ns and now_ns > self._virtual_ns:
@@ -97,6 +107,7 @@ def fly(
     clock = Clock()
     simulation = build(scenario, rig, drawn, policy, clock)
     check_graph(simulation.nodes)
+    check_space(out, pictures)
     run = new_run(
         out,
         scenario={**scenario.model_dump(mode="json"), "name": scenario.name},
@@ -125,7 +136,7 @@ def fly(
 
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
             try:
-                now_ns = host.run(lambda _: simulation.director.stage == "ended")
+                now_ns = host.run(lambda _: watch.stage == "ended")
                 state = "finished"
             except KeyboardInterrupt:
                 now_ns, state = clock.now_ns, "interrupted"
@@ -136,12 +147,5 @@ def fly(
         score = scorer.result()
         run.write_score(score.as_dict())
         run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall, virtual_s=now_ns * 1e-9)
-    failure = _failure(simulation, watch) if state == "finished" else ""
-    return Flight(score, run, watch.real_time_factor, failure, simulation.counters(), state == "interrupted")
-
-
-def _failure(simulation: Simulation, watch: _Watch) -> str:
-    if not simulation.director.failure:
-        return ""
-    details = [text for text in watch.errors if text != simulation.director.failure]
-    return "; ".join([simulation.director.failure, *details[-2:]])
+    failure = watch.failure if state == "finished" else ""
+    return Flight(score, run, watch.real_time_factor, failure, counters(simulation.nodes), state == "interrupted")

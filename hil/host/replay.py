@@ -1,6 +1,6 @@
-"""Replay: chosen nodes of a recorded run are stepped again with today's code, on exactly what each step consumed then.
+"""Replay: chosen nodes of a recorded run are stepped again with the current code, on what each step consumed then.
 
-A node is stepped at its receipts' times with the messages its receipts name; what it publishes is held against what
+A node is stepped at its receipts' times with the messages its receipts name; what it publishes is compared with what
 the recording has of its topics, message by message and number by number. Nodes that talk to a device over a wire
 cannot be replayed: what came over the wire is not recorded.
 """
@@ -14,7 +14,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from hil.assembly.builder import Assembly, node_names
+from hil.assembly.builder import Assembly
+from hil.assembly.node_table import NODES
 from hil.assembly.rig import Rig
 from hil.assembly.simulation import MemoryWires
 from hil.contract.node import Inbox, Node
@@ -26,7 +27,6 @@ from scenarios.draw import draw
 from scenarios.spec import Scenario
 from vehicle.quadrotor.airframe import load_airframe
 
-PURE = ("mocap", "director", "referee", "car_follower", "camera", "detector", "belief", "policy")
 MEASURED = ("board/detection.processing_ns",)  # differs by nature in a live run
 
 
@@ -80,11 +80,11 @@ def replay_run(
     not to be compared. `policy` flies in the place of the run's own. Raises ReplayError, RunError or ReadError.
     """
     run = open_run(path)
-    assembly = _assembly(run, policy)
+    assembly, rig = _assembly(run, policy)
     receipts, recording = read_receipts(run.path), Recording(run.recording)
     if not receipts:
         raise ReplayError(f"{run.path} has no receipts: it was flown before there were any, or not by this host")
-    known = [name for name in assembly.names if name in PURE and name not in assembly.device_nodes]
+    known = [name for name in assembly.names if not NODES[name].slot and not NODES[name].measures(rig)]
     for name in nodes:
         if name not in known:
             raise ReplayError(f"node {name!r} cannot be replayed; of this run can be: {', '.join(known)}")
@@ -108,18 +108,18 @@ def replay_run(
     return Replay(tuple(found), skipped)
 
 
-def _assembly(run: Run, policy: str | None) -> Assembly:
+def _assembly(run: Run, policy: str | None) -> tuple[Assembly, Rig]:
     manifest = run.manifest
     try:
         scenario = Scenario.model_validate(manifest["scenario"])
         rig = Rig.model_validate({k: v for k, v in manifest["rig"].items() if k not in ("name", "source")})
     except ValueError as error:
-        raise ReplayError(f"{run.path}: its manifest no longer fits today's scenario or rig: {error}") from None
+        raise ReplayError(f"{run.path}: its manifest fits no current scenario or rig: {error}") from None
     named = manifest["policy"]
     make = policy_factory(policy or named.get("path") or named["name"], load_airframe(rig.vehicle.airframe))
     wires = MemoryWires(rig, lambda: 0)
     stopwatch = (lambda: 0) if manifest.get("host") == "live" else None
-    return Assembly(scenario, rig, draw(scenario, manifest["seed"]), make, wires, stopwatch)
+    return Assembly(scenario, rig, draw(scenario, manifest["seed"]), make, wires, stopwatch), rig
 
 
 def _numbers(run: Path) -> dict[str, dict[str, Any]]:
@@ -237,4 +237,4 @@ def _size(a: Any, b: Any) -> float | None:
     return None if largest != largest else largest
 
 
-__all__ = ["Replay", "ReplayError", "TopicReplay", "node_names", "replay_run"]
+__all__ = ["Replay", "ReplayError", "TopicReplay", "replay_run"]

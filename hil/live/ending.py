@@ -1,44 +1,45 @@
-"""Bringing a live run down in order when something has happened to it: who drives a device reaches its safe state."""
+"""Ending a live run in order after a fault: every service that drives a device reaches its safe state."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
+from hil.assembly.node_table import driving_services
 from hil.live.judge import Ended
 from hil.live.supervisor import Supervisor
 
 TURN_S = 0.05
 LAND_LIMIT_S = 25.0
-DRIVERS = ("vehicle_link", "car")
-_HEARD_S = 0.7  # every service says its health twice a second
-_WITNESS_S = 3.0  # recorded after the driver itself is gone: what autopilot and car do by themselves
+DRIVERS = driving_services()
+_RECEIVED_S = 0.7  # every service publishes its health twice a second
+_WITNESS_S = 3.0  # recorded after a driver has ended: what autopilot and car do by themselves
 
 
 def bring_down(supervisor: Supervisor, ended: Ended) -> None:
-    """Everybody to the safe state; a second Ctrl-C cuts it short. What did not come about is remarked in `ended`."""
+    """Bring all services to the safe state; a second Ctrl-C ends the wait. What failed is remarked in `ended`."""
     try:
         supervisor.abort(ended.trouble or "interrupted")
-        who = ended.trouble.split(" ")[0]
-        if who == "hub":
+        culprit = ended.trouble.split(" ")[0]
+        if culprit == "hub":
             supervisor.drop_hub()
-        wait(supervisor, lambda: False, _HEARD_S)
-        # of a simulated vehicle that is gone nobody will hear that it has landed
-        limit_s = _WITNESS_S if who == "vehicle_device" else LAND_LIMIT_S
+        wait(supervisor, lambda: False, _RECEIVED_S)
+        # a simulated vehicle whose process has ended cannot report that it has landed
+        limit_s = _WITNESS_S if culprit == "vehicle_device" else LAND_LIMIT_S
         await_drivers(supervisor, limit_s)
         ended.remarks += [
-            f"{driver} did not say within {limit_s:.0f} s that what it drives is safe"
+            f"{driver} did not report within {limit_s:.0f} s that what it drives is safe"
             for driver in DRIVERS
-            if driver != who and not supervisor.safe(driver)
+            if driver != culprit and not supervisor.safe(driver)
         ]
-        if who in DRIVERS:
+        if culprit in DRIVERS:
             wait(supervisor, lambda: False, _WITNESS_S)
     except KeyboardInterrupt:
         ended.interrupted = True
 
 
 def await_drivers(supervisor: Supervisor, limit_s: float = LAND_LIMIT_S) -> None:
-    """Until vehicle and car are safe, as their drivers say."""
+    """Until vehicle and car are safe, as their drivers report."""
     wait(supervisor, lambda: all(supervisor.safe(driver) for driver in DRIVERS), limit_s)
 
 

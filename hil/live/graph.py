@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.contract.graph import check_graph
-from hil.contract.node import Inbox, Node, Out
+from hil.contract.node import Node
 
 
 class Declared(NamedTuple):
-    """What a node of another process says of itself: enough of a node to be checked, not to be stepped."""
+    """The declaration of a node that runs in another process."""
 
     name: str
     inputs: tuple[str, ...]
@@ -18,15 +18,9 @@ class Declared(NamedTuple):
     wakes: tuple[str, ...]
     period_ns: int
 
-    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
-        raise NotImplementedError(f"{self.name} runs in another process")
-
-    def close(self) -> None:
-        pass
-
 
 def declare(nodes: Iterable[Node]) -> list[list[Any]]:
-    """The nodes of one service as a table that JSON can carry, for the health that it says."""
+    """The nodes of one service as a table that JSON can carry, for its health."""
     return [[n.name, list(n.inputs), list(n.outputs), list(n.wakes), n.period_ns] for n in nodes]
 
 
@@ -34,5 +28,8 @@ def check_live_graph(health: Mapping[str, Mapping[str, Any]], services: Sequence
     """Raises GraphError if the nodes that `services` have declared in their health do not fit the contract."""
     rows = [row for service in services for row in health.get(service, {}).get("graph", ())]
     check_graph(
-        [Declared(name, tuple(reads), tuple(tells), tuple(wakes), period) for name, reads, tells, wakes, period in rows]
+        [
+            Declared(name, tuple(inputs), tuple(outputs), tuple(wakes), period)
+            for name, inputs, outputs, wakes, period in rows
+        ]
     )

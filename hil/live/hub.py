@@ -1,4 +1,4 @@
-"""The hub's process: routes, tells its clock, and ends with whoever started it."""
+"""The hub's process: routes, answers questions for its clock, and ends with its parent process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hil.bus.leaf import Credentials, open_hub
 from hil.live.liveness import Presence
 from hil.live.spec import LiveSpec
 
-_LAST_WORDS_S = 25.0  # the leaves notice by themselves, come to their safe state, and are recorded until then
+_LINGER_S = 25.0  # the leaves detect it, reach their safe state, and are recorded until then
 
 
 def hub(spec: LiveSpec) -> int:
@@ -32,9 +32,7 @@ def serve_hub(
         return with_parent and os.getppid() != parent
 
     def stop(*_: object) -> None:
-        if not (
-            with_parent and presence.orphaned_soon()
-        ):  # the signal tells of the parent's death, and the leaves still have to land
+        if not (with_parent and presence.orphaned_soon()):  # when the parent has died, the leaves still have to land
             done.set()
 
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -42,5 +40,5 @@ def serve_hub(
     with open_hub(endpoint, credentials, access):
         while not done.wait(0.5):
             if orphaned():
-                done.wait(_LAST_WORDS_S)
+                done.wait(_LINGER_S)
                 return

@@ -1,4 +1,4 @@
-"""What a live run amounts to, from its recording and its services' last words."""
+"""Score and time-keeping of a live run, from its recording and the last health of its services."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
         "of_it_exposure_and_transport_ms": slot.exposure_ms / 2 + slot.transport_ms if slot.kind == "sim" else None,
         **load_table(ended.before, ended.after),
         "remarks": ended.remarks,
-        "services": {name: _words(one) for name, one in sorted(ended.health.items())},
+        "services": {name: _kept(one) for name, one in sorted(ended.health.items())},
     }
     return score, table
 
 
-def _words(table: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in table.items() if key not in ("heard_ns", "service", "outputs", "memory")}
+def _kept(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if key not in ("received_ns", "service", "outputs", "memory")}

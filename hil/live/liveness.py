@@ -12,14 +12,14 @@ from typing import Any
 
 from hil.live.orphaned import mapped_memory
 
-SILENT_NS = 3_000_000_000  # the supervisor speaks five times a second
+RECEIVED_WITHIN_NS = 3_000_000_000  # the supervisor publishes five times a second
 _PAGE_KB = resource.getpagesize() // 1024
 
 
 class Presence:
-    """The supervisor is there while the process that started this one lives and its word comes over the bus.
+    """Liveness of the supervisor: the process that started this one lives, and its orders arrive over the bus.
 
-    Its silence is the hub's silence too: whoever drives a device must not fly on deaf.
+    No orders also means no hub: a service that drives a device must not fly on without the bus.
     """
 
     def __init__(
@@ -29,20 +29,20 @@ class Presence:
         clock: Callable[[], int] = time.monotonic_ns,
         parent: Callable[[], int] = os.getppid,
     ) -> None:
-        """`remote`: started by hand on another host, so that the parent process is nobody."""
+        """`remote`: started by hand on another host, so that the parent process is not the supervisor."""
         self._remote, self._clock, self._parent = remote, clock, parent
-        self._first_parent, self._heard_ns = parent(), 0
+        self._first_parent, self._received_ns = parent(), 0
 
-    def heard(self) -> None:
-        """The supervisor has said something."""
-        self._heard_ns = self._clock()
+    def received(self) -> None:
+        """An order of the supervisor has arrived."""
+        self._received_ns = self._clock()
 
     def orphaned(self) -> bool:
         """Whether the process that started this one is gone."""
         return not self._remote and self._parent() != self._first_parent
 
     def orphaned_soon(self) -> bool:
-        """The same, for a signal that may tell of the parent's death a moment before the parent's number changes."""
+        """The same, for a signal that may announce the parent's death a moment before the parent's number changes."""
         for _ in range(20):
             if self.orphaned():
                 return True
@@ -50,12 +50,12 @@ class Presence:
         return False
 
     def gone(self) -> str:
-        """Why the supervisor is taken for gone; empty while it is there, or has not yet said anything."""
+        """Why the supervisor is taken for gone; empty while it is there, or before its first order."""
         if self.orphaned():
             return "the supervisor is gone"
-        silent_ns = self._clock() - self._heard_ns
-        if self._heard_ns and silent_ns > SILENT_NS:
-            return f"supervisor and hub are silent for {silent_ns / 1e9:.1f} s"
+        age_ns = self._clock() - self._received_ns
+        if self._received_ns and age_ns > RECEIVED_WITHIN_NS:
+            return f"nothing received from supervisor and hub for {age_ns / 1e9:.1f} s"
         return ""
 
 

@@ -20,7 +20,7 @@ class Load(NamedTuple):
 
 
 def load_now(stat: Path = _STAT) -> Load:
-    """What the kernel says; times are 0 where it does not."""
+    """What the kernel reports; times are 0 where it does not."""
     average = os.getloadavg()[0]
     try:
         ticks = [int(word) for word in stat.read_text().splitlines()[0].split()[1 : 1 + _COUNTED]]

@@ -12,11 +12,11 @@ from pathlib import Path
 from types import FrameType
 
 from hil.assembly.builder import Assembly
-from hil.assembly.simulation import counters
+from hil.assembly.node_table import SERVICES
 from hil.bus.clock import DateWatch
 from hil.bus.leaf import Bus, BusError
 from hil.live.liveness import Presence
-from hil.live.priority import take_priority
+from hil.live.priority import StepPriority, take_priority
 from hil.live.process import PARENT, die_with_parent
 from hil.live.run_clock import RunTime
 from hil.live.service import LiveService
@@ -28,11 +28,11 @@ from hil.recording.recorder import RecordingError
 from hil.wires import WireError
 
 COULD_NOT_RUN = 3
-_PATIENCE_S = 40.0  # more than anybody takes to reach the safe state
+_PATIENCE_S = 40.0  # more than any service takes to reach the safe state
 
 
 def last_resort(patience_s: float = _PATIENCE_S) -> None:
-    """End a process that hangs although its parent has been gone for `patience_s`: nobody is left to do it."""
+    """End a process that hangs although its parent has been gone for `patience_s`: no other process would."""
     parent = os.getppid()
 
     def watch() -> None:
@@ -57,13 +57,15 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
     )
     presence = Presence(remote=remote)
     nodes = [assembly.node(name) for name in names]
-    take_priority(service)  # only now, all this may take its time; and before the bus, whose thread is to have it too
+    row = SERVICES[service]
+    take_priority(row.priority)  # not earlier: building may take long; before the bus, whose thread inherits it
     with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s) as bus:
         run_time = RunTime(bus.clock(), DateWatch() if remote else None)
         book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
         live = LiveService(
             service, nodes, bus, run_time, presence=presence, book=book, trouble=lambda: wires.trouble,
-            counters=lambda: counters(nodes), serves=spec.digest(plan), descriptors=wires.descriptors,
+            serves=spec.digest(plan), descriptors=wires.descriptors, phase_ns=row.phase_ns,
+            step_priority=StepPriority(row.priority),
         )  # fmt: skip
 
         def stop(_: int, __: FrameType | None) -> None:
@@ -94,12 +96,12 @@ def main() -> int:
     try:
         spec = LiveSpec.read(Path(sys.argv[1]))
         if service == "recorder":
-            take_priority(service)
+            take_priority("recording")
             from hil.live.recorder import record
 
             return record(spec)
         if service == "hub":
-            take_priority(service)
+            take_priority("control")
             from hil.live.hub import hub
 
             return hub(spec)

@@ -1,4 +1,4 @@
-"""What may be asked of the live host together; everything is told before a process is started."""
+"""What may be asked of the live host together; checked before a process is started."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from hil.assembly.node_table import service_nodes
 from hil.assembly.rig import Rig
 from hil.bus.certificates import check_keys
 from hil.bus.leaf import credentials_in
-from hil.live.spec import services
 from kernel.toml_errors import ConfigError, nearest
 
 _ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:]+\]|[^/\s:]+):(\d{1,5})")
@@ -35,7 +35,7 @@ def check_identities(keys: Path | None, identities: Iterable[str]) -> None:
 
 def check_service(rig: Rig, service: str) -> None:
     """Raises ConfigError unless `service` of `rig` can run on another host."""
-    known = services(rig)
+    known = service_nodes(rig)
     if service not in known:
         raise ConfigError(
             f"this rig has no service {service!r}{nearest(service, list(known))} It has {', '.join(known)}"
@@ -58,5 +58,5 @@ def check_options(
         check_endpoint(endpoint, keys)
     if keys is not None and viewed:
         raise ConfigError("--view cannot join a bus closed by --keys: use `perch-hil runs view` afterwards")
-    here = [name for name in ("hub", "supervisor", "recorder", *services(rig)) if name not in remote]
+    here = [name for name in ("hub", "supervisor", "recorder", *service_nodes(rig)) if name not in remote]
     check_identities(keys, here)

@@ -1,4 +1,4 @@
-"""What hard ends leave behind in shared memory, and its removal."""
+"""Orphaned shared memory, which killed processes leave behind, and its removal."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 _FOLDER = Path("/dev/shm")
+_NAME = re.compile(r"[^/\s]+\.zenoh")
 _MAPPED = re.compile(r" /dev/shm/(\S+\.zenoh)$", re.MULTILINE)
 
 
@@ -19,8 +20,11 @@ def mapped_memory(process: int | str = "self") -> set[str]:
 
 
 def remove_orphaned_memory(names: Iterable[str]) -> list[str]:
-    """Those of `names` that are still there although no process holds them any more: removed, and returned."""
-    left = {name for name in names if (_FOLDER / name).exists()}
+    """Those of `names` that are still there although no process holds them: removed, and returned.
+
+    What is no name of the bus's shared memory, such as a path, is left alone: `names` may come from the bus.
+    """
+    left = {name for name in names if _NAME.fullmatch(name) and (_FOLDER / name).exists()}
     if not left:
         return []
     for process in Path("/proc").glob("[0-9]*"):

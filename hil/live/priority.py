@@ -1,11 +1,11 @@
-"""Which process of a live run goes first when there are fewer cores than work.
+"""Which process of a live run is scheduled first when there are fewer cores than work.
 
-Where it is permitted services run in real time (SCHED_FIFO): who waits for his turn then gets it at once, however short
-the turn of whoever computes has been. Where it is not, they ask for weight. The kernel weighs sessions before it weighs
-processes (sched_autogroup): a service has a session of its own, so that its nice value alone counts for nothing.
-Whoever computes is left alone until his slice of some milliseconds is over, unless who wakes up has a shorter one
-(EEVDF, from Linux 6.12). What is not permitted, or not known to this kernel, is left out, and the machine has to be
-idle enough.
+Where it is permitted, services run in real time (SCHED_FIFO): a service that wakes up then gets a core at once, however
+recently the running one got it. Where it is not, services ask for weight. The kernel weighs sessions before it weighs
+processes (sched_autogroup): a service has a session of its own, so that its nice value alone has no effect. A running
+process keeps its core until its time slice of some milliseconds is over, unless the process that wakes up has a shorter
+slice (EEVDF, from Linux 6.12). What is not permitted, or not known to this kernel, is left out, and the machine then
+has to be idle enough.
 """
 
 from __future__ import annotations
@@ -18,31 +18,33 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from hil.assembly.node_table import PriorityClass
+
 
 class Priority(NamedTuple):
     """`nice` of the process and of its session; `slice_ns` 0: the kernel's own. `real_time`: SCHED_FIFO's, 0: none.
 
-    `at_work`: SCHED_FIFO's during a step, 0: as ever.
+    `during_step`: SCHED_FIFO's while a node steps, 0: the same as `real_time`.
     """
 
     nice: int
     slice_ns: int = 0
     real_time: int = 0
-    at_work: int = 0
+    during_step: int = 0
 
 
-# A step of control takes a fraction of a millisecond and somebody waits for it. A picture takes several to be drawn and
-# several to be searched: these two are not chopped up, and the drawn one is not due before it would have been read out.
-# Once it is due it goes before all that is not control.
-# Who is not on the way from the picture to the motors comes after the detector: with them before it one picture in ten
-# came 1.5 ms later. The recorder has time, but not for ever: left to what the others leave it waited for a core 61 % of
-# a soak.
-CONTROL = Priority(-15, 300_000, 30)
-PRIORITIES = {
-    "detector": Priority(-13, real_time=20),
-    **dict.fromkeys(("mocap", "car_device", "car", "referee"), Priority(-12, 300_000, 15)),
-    "camera": Priority(-11, real_time=22, at_work=10),
-    "recorder": Priority(-9, real_time=5),
+# A step of control takes a fraction of a millisecond and another process waits for it. Rendering a picture and
+# searching it take several milliseconds each: these two keep the kernel's own slice. A rendered picture is not due
+# before it would have been read out; once it is due, publishing it goes before all that is not control.
+# What is not on the path from the picture to the motors comes after the detector: with it before, one picture in ten
+# came 1.5 ms later. The recorder can wait, but not for long: with the lowest priority of all it waited for a core
+# during 61 % of a soak.
+PRIORITIES: dict[PriorityClass, Priority] = {
+    "control": Priority(-15, 300_000, 30),
+    "detection": Priority(-13, real_time=20),
+    "off_path": Priority(-12, 300_000, 15),
+    "rendering": Priority(-11, real_time=22, during_step=10),
+    "recording": Priority(-9, real_time=5),
 }
 
 _TRIES = 20
@@ -50,12 +52,12 @@ _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # Linux system call numbers; t
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # size, policy, flags, nice, priority, runtime, deadline, period
 
 
-def take_priority(service: str) -> None:
-    """Ask for what `service` needs, for this thread and those it starts from now on."""
-    wanted = PRIORITIES.get(service, CONTROL)
+def take_priority(priority: PriorityClass) -> None:
+    """Ask for what a service of this class needs, for this thread and those it starts from now on."""
+    wanted = PRIORITIES[priority]
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, wanted.nice)
-    if os.getsid(0) == os.getpid():  # else it is the session of somebody's shell
+    if os.getsid(0) == os.getpid():  # otherwise it is the session of the user's shell
         _weigh_session(wanted.nice)
     if wanted.real_time and _run_in_real_time(wanted.real_time):
         return
@@ -63,17 +65,17 @@ def take_priority(service: str) -> None:
         _take_slice(wanted.slice_ns)
 
 
-class AtWork:
-    """`with` it this thread has the priority that its service has during a step. To be made after `take_priority`."""
+class StepPriority:
+    """A context in which this thread has the priority that its class has during a step. Made after `take_priority`."""
 
-    def __init__(self, service: str) -> None:
-        wanted = PRIORITIES.get(service, CONTROL)
-        changes = wanted.at_work and os.sched_getscheduler(0) == os.SCHED_FIFO
-        self._usual, self._now = (wanted.real_time, wanted.at_work) if changes else (0, 0)
+    def __init__(self, priority: PriorityClass) -> None:
+        wanted = PRIORITIES[priority]
+        changes = wanted.during_step and os.sched_getscheduler(0) == os.SCHED_FIFO
+        self._usual, self._during = (wanted.real_time, wanted.during_step) if changes else (0, 0)
 
     def __enter__(self) -> None:
-        if self._now:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self._now))
+        if self._during:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self._during))
 
     def __exit__(self, *_: object) -> None:
         if self._usual:
@@ -81,7 +83,7 @@ class AtWork:
 
 
 def _run_in_real_time(priority: int) -> bool:
-    """Whether it was permitted. Never on a single core: a service that runs wild would leave nothing to its judge."""
+    """Whether it was permitted. Never on a single core: a service in an endless loop would stop its supervisor."""
     if (os.cpu_count() or 1) < 2:
         return False
     try:
@@ -96,14 +98,14 @@ def _weigh_session(nice: int) -> None:
         try:
             Path("/proc/self/autogroup").write_text(str(nice))
             return
-        except BlockingIOError:  # who is not root may ask ten times a second, all together
+        except BlockingIOError:  # without root: ten writes a second for all processes together
             time.sleep(0.1)
         except OSError:
             return
 
 
 def _take_slice(slice_ns: int) -> bool:
-    """Whether the kernel took it; one before 6.12 takes it and goes on as ever."""
+    """Whether the kernel took it; one before 6.12 takes it and ignores it."""
     number = _SCHED_SETATTR.get(os.uname().machine)
     if number is None:
         return False

@@ -1,4 +1,4 @@
-"""One service's process: started, watched, ended, and asked why it is gone; it does not outlive who started it."""
+"""One service's process: started, watched and ended, with the cause of its end. It does not outlive its parent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from pathlib import Path
 
 _PR_SET_PDEATHSIG = 1
 _GRACE_S, _SLICE_S = 2.0, 0.1
-PARENT = "PERCH_SUPERVISOR"  # environment: who started a service, which may be gone before the service can look
+PARENT = (
+    "PERCH_SUPERVISOR"  # environment: the supervisor's process id, which may have ended before the service can check
+)
 _ENVIRONMENT = {
     # one thread a process: they are many; freed picture buffers stay with the process instead of being mapped anew
     **dict.fromkeys(
@@ -24,7 +26,7 @@ _ENVIRONMENT = {
 
 
 def die_with_parent(parent: int) -> bool:
-    """Be told (SIGTERM) when process `parent`, which started this one, is gone, however it went.
+    """Receive SIGTERM when process `parent`, which started this one, ends for any reason.
 
     False: it is already.
     """
@@ -49,11 +51,11 @@ class Process:
         return self._popen.poll()
 
     def stopped(self) -> bool:
-        """Whether somebody has stopped it (SIGSTOP): it lives and does nothing."""
+        """Whether it was stopped (SIGSTOP): it lives and does nothing."""
         return self._stat()[0] in ("T", "t")
 
     def leaving(self) -> int | None:
-        """As `ended`, but told as soon as its main thread is gone.
+        """As `ended`, but known as soon as its main thread has ended.
 
         A process has not ended before its last thread has, and under real-time load that one waits for a core for
         seconds.
@@ -65,14 +67,14 @@ class Process:
         return os.waitstatus_to_exitcode(status) if state in ("Z", "X") else None
 
     def _stat(self) -> tuple[str, int]:
-        """State letter and wait status of its main thread (proc(5), /proc/pid/stat, fields 3 and 52)."""
+        """State character and wait status of its main thread (proc(5), /proc/pid/stat, fields 3 and 52)."""
         try:
             fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
             return fields[0], int(fields[-1])
         except (OSError, IndexError):
             return "", 0
 
-    def last_words(self) -> str:
+    def last_line(self) -> str:
         """The last line it wrote."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
         return lines[-1].removeprefix("perch-hil: ") if lines else ""
@@ -83,7 +85,7 @@ class Process:
         if code is None:
             return f"{self.name} runs"
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-        words = self.last_words()
+        words = self.last_line()
         return f"{self.name} {how}" + (f": {words}" if words else "")
 
     def end(self, patience_s: float, meanwhile: Callable[[], object] = lambda: None, grace_s: float = _GRACE_S) -> str:

@@ -1,4 +1,4 @@
-"""What of a rig is reachable now. Listens only: nothing is sent to a vehicle or a car."""
+"""What of a rig is reachable now. Receives only: nothing is sent to a vehicle or a car."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CAMERA_HZ = (60.0, 30.0)  # what the published scenarios ask for; one of them w
 
 @dataclass(frozen=True)
 class Reached:
-    """One slot: `text` says what answered, or what to do."""
+    """One slot: `text`: what answered, or what to do."""
 
     slot: str
     kind: str
@@ -50,7 +50,8 @@ def _vehicle(rig: Rig, listen_s: float) -> Reached:
     wire.close()
     if frames:
         return Reached("vehicle", slot.kind, True, f"MAVLink comes in on {slot.url}")
-    rubbish = f"; {parser.garbage_bytes} bytes that are no MAVLink came" if parser.garbage_bytes else ""
+    other = parser.garbage_bytes or getattr(wire, "others_dropped", 0)
+    rubbish = "; data that are no MAVLink came" if other else ""
     return Reached("vehicle", slot.kind, False, f"no MAVLink on {slot.url} for {listen_s:g} s{rubbish}")
 
 
@@ -70,7 +71,7 @@ def _car(rig: Rig, listen_s: float) -> Reached:
         time.sleep(0.01)
     wire.close()
     if _CAR_V1 in ids:
-        return Reached("groundcar", slot.kind, False, f"the car on {where} speaks protocol V1 (0x151); V2 is needed")
+        return Reached("groundcar", slot.kind, False, f"the car on {where} uses protocol V1 (0x151); V2 is needed")
     if _CAR_V2 in ids:
         return Reached("groundcar", slot.kind, True, f"a Scout with protocol V2 on {where}")
     heard = f"{len(ids)} other identifiers" if ids else "nothing"

@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any
 
 from hil.assembly.sensing import mounted_cameras
-from hil.bus.leaf import CONTROL, HEALTH, Bus, Letter, Mailbox
+from hil.bus.leaf import CONTROL, HEALTH, Bus, Delivery, Mailbox
 from hil.contract.topics import TOPICS
 from hil.live.liveness import Presence, footprint
 from hil.live.run_clock import RunTime
@@ -27,36 +27,36 @@ from hil.recording.runs import write_json
 from vehicle.quadrotor.airframe import load_airframe
 
 SETTLE_NS = 250_000_000  # how long a message waits for older ones
-_TURN_S, _TELL_S = 0.02, 0.5
+_TURN_S, _HEALTH_S = 0.02, 0.5
 _PREVIEW_NS = 58_000_000  # pictures that come sooner after each other are no part of a 15 Hz preview
-_WITNESS_S = 22.0  # recorded after the supervisor is gone: everybody has come to the safe state by then
+_WITNESS_S = 22.0  # recorded after the supervisor is gone: all services have reached the safe state by then
 
 
 class Sorter:
-    """Letters in, (time, letter) out, times never decreasing. `late` counts those too late for their place."""
+    """Letters in, (time, delivery) out, times never decreasing. `late` counts those too late for their place."""
 
     def __init__(self, settle_ns: int = SETTLE_NS) -> None:
         self._settle_ns, self._heap = settle_ns, []
         self._serial = self._written_ns = self.late = 0
 
-    def add(self, letter: Letter) -> None:
+    def add(self, delivery: Delivery) -> None:
         self._serial += 1
-        heapq.heappush(self._heap, (letter.published_ns, self._serial, letter))
+        heapq.heappush(self._heap, (delivery.published_ns, self._serial, delivery))
 
-    def take(self, now_ns: int | None) -> list[tuple[int, Letter]]:
+    def take(self, now_ns: int | None) -> list[tuple[int, Delivery]]:
         """What has waited long enough at `now_ns`; everything for None."""
         ready = []
         while self._heap and (now_ns is None or self._heap[0][0] <= now_ns - self._settle_ns):
-            published_ns, _, letter = heapq.heappop(self._heap)
+            published_ns, _, delivery = heapq.heappop(self._heap)
             if published_ns < self._written_ns:
                 self.late += 1
             self._written_ns = max(self._written_ns, published_ns)
-            ready.append((self._written_ns, letter))
+            ready.append((self._written_ns, delivery))
         return ready
 
 
 class Ending:
-    """When to end: once asked to, or long enough after everybody is gone that the safe state is in the recording."""
+    """When to end: once asked to, or long enough after the supervisor is gone that the safe state is recorded."""
 
     def __init__(self) -> None:
         self.due, self._alone_s = False, 0.0
@@ -66,7 +66,7 @@ class Ending:
         self.due = True
 
     def look(self, alone: bool, now_s: float) -> None:
-        """Note whether somebody is still there to say when to end."""
+        """Note whether the supervisor, which orders the end, is gone (`alone`) at `now_s`."""
         if alone:
             self._alone_s = self._alone_s or now_s
             self.due = self.due or now_s - self._alone_s > _WITNESS_S
@@ -78,31 +78,31 @@ def record(spec: LiveSpec) -> int:
     plan = spec.plan()
     camera = mounted_cameras(plan.rig.camera, load_airframe(plan.rig.vehicle.airframe), spec.draw(plan))[1]
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
-    # it has time and much to do: each hand-over of the interpreter costs a wait for the processor on a busy machine
+    # not urgent, but much work: each hand-over of the interpreter costs a wait for a core on a busy machine
     sys.setswitchinterval(2e-2)
-    state, presence, ending = {"orders": [], "told": 0.0}, Presence(), Ending()
+    state, presence, ending = {"orders": [], "published_s": 0.0}, Presence(), Ending()
     period_ns = _PREVIEW_NS if spec.pictures == "preview" else 0
     mailbox = Mailbox(depth=8192, pictures=60, urgent=(), picture_period_ns=period_ns)
     sorter, seen = Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
-        if not presence.orphaned_soon():  # else the signal tells of the parent's death, and others still land
+        if not presence.orphaned_soon():  # when the parent has died, the services still have to land
             ending.ask()
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
 
     def take(order: dict[str, Any]) -> None:
-        presence.heard()
+        presence.received()
         state["orders"].append(order)
 
-    def tell(bus: Bus, what: str, at_most_every_s: float = 0.0) -> bool:
-        if time.monotonic() - state["told"] < at_most_every_s:
+    def publish_health(bus: Bus, what: str, at_most_every_s: float = 0.0) -> bool:
+        if time.monotonic() - state["published_s"] < at_most_every_s:
             return False
-        state["told"] = time.monotonic()
+        state["published_s"] = time.monotonic()
         table = {"service": "recorder", "pid": os.getpid(), "state": what, "late": sorter.late, "nodes": {}}
         table |= {"lost": dict(mailbox.lost), "dropped": dict(mailbox.dropped), **footprint()}
-        bus.say(HEALTH + "recorder", table)
+        bus.send_table(HEALTH + "recorder", table)
         return True
 
     with (
@@ -111,7 +111,7 @@ def record(spec: LiveSpec) -> int:
     ):
         wanted = [t for t, row in TOPICS.items() if row.recorded and (t != "camera/image" or spec.pictures != "none")]
         bus.subscribe("recorder", wanted, mailbox)
-        bus.hear(CONTROL, take)
+        bus.on_table(CONTROL, take)
         run_time = RunTime(bus.clock())
         gc.collect()
         gc.freeze()  # a look at everything that was imported takes a tenth of a second
@@ -122,23 +122,23 @@ def record(spec: LiveSpec) -> int:
                     run_time.begin(int(order["epoch_ns"]))
                 elif order.get("order") == "stop" and order.get("service") == "recorder":
                     ending.ask()
-            for letter in mailbox.drain():
-                seen.note(letter)
-                sorter.add(letter)
+            for delivery in mailbox.drain():
+                seen.note(delivery)
+                sorter.add(delivery)
             if run_time.begun:
-                for now, letter in sorter.take(run_time.now()):
-                    recorder(now, letter.topic, letter.message)
-                    tell(bus, "running", _TELL_S)  # busy with much at once is not dead
-            if tell(bus, "running" if run_time.begun else "ready", _TELL_S):
-                ending.look(bool(presence.gone()), state["told"])
-        for letter in mailbox.drain():
-            seen.note(letter)
-            sorter.add(letter)
-        for now, letter in sorter.take(None):
-            recorder(now, letter.topic, letter.message)
+                for now, delivery in sorter.take(run_time.now()):
+                    recorder(now, delivery.topic, delivery.message)
+                    publish_health(bus, "running", _HEALTH_S)  # writing a burst must not look like a dead recorder
+            if publish_health(bus, "running" if run_time.begun else "ready", _HEALTH_S):
+                ending.look(bool(presence.gone()), state["published_s"])
+        for delivery in mailbox.drain():
+            seen.note(delivery)
+            sorter.add(delivery)
+        for now, delivery in sorter.take(None):
+            recorder(now, delivery.topic, delivery.message)
         recorder.close()  # before the bus, which takes its time where the hub is gone
         write_json(spec.folder / "numbers.json", seen.table())
-        tell(bus, "stopped")
+        publish_health(bus, "stopped")
     return 0
 
 
@@ -150,14 +150,14 @@ class _Seen:
         self._next: dict[str, int] = {}
         self._missing: dict[str, list[int]] = {}
 
-    def note(self, letter: Letter) -> None:
-        if letter.topic == "event":  # several publishers, and nobody's input
+    def note(self, delivery: Delivery) -> None:
+        if delivery.topic == "event":  # several publishers, and no node's input
             return
-        if letter.topic not in self._first:
-            self._first[letter.topic] = letter.sequence
+        if delivery.topic not in self._first:
+            self._first[delivery.topic] = delivery.sequence
         else:
-            self._missing.setdefault(letter.topic, []).extend(range(self._next[letter.topic], letter.sequence))
-        self._next[letter.topic] = letter.sequence + 1
+            self._missing.setdefault(delivery.topic, []).extend(range(self._next[delivery.topic], delivery.sequence))
+        self._next[delivery.topic] = delivery.sequence + 1
 
     def table(self) -> dict[str, Any]:
         return {

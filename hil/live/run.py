@@ -16,14 +16,15 @@ from hil.bus.leaf import Bus
 from hil.contract.graph import GraphError
 from hil.contract.messages import Event
 from hil.host.flight import Flight
+from hil.host.space import check_space
 from hil.live.ending import TURN_S, await_drivers, bring_down
 from hil.live.graph import check_live_graph
 from hil.live.judge import Ended, judge
 from hil.live.load import load_now
 from hil.live.orphaned import remove_orphaned_memory
 from hil.live.run_clock import clock_lines
-from hil.live.run_events import Ear
-from hil.live.spec import LiveSpec, services
+from hil.live.run_events import RunEvents
+from hil.live.spec import LiveSpec
 from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
 from hil.recording.provenance import Code
@@ -58,10 +59,11 @@ def fly_live(
     """Fly one seed in real time. `names`: scenario, rig, policy and camera as the user gave them, for the processes.
 
     Services in `remote` (or the hub) are not started here but awaited; `keys`, a folder of `perch-hil keys`, closes the
-    bus to everybody else; `watch` is called many times a second during the run. An interruption (Ctrl-C) brings
+    bus to all others; `watch` is called many times a second during the run. An interruption (Ctrl-C) brings
     everything to its safe state, closes the recording and is reported in the result. Raises RunError, ProvenanceError
     or SupervisorError if the run cannot take place or cannot be kept: such a run does not take off.
     """
+    check_space(out, pictures)
     run = new_run(
         out,
         scenario={**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name},
@@ -101,9 +103,15 @@ def fly_live(
         leaked = remove_orphaned_memory(supervisor.memory)
         score, table = judge(run, plan, seed, ended)
         table["shared_memory_removed"] = len(leaked)
-        write_json(run.path / "live.json", table)
-        run.write_score(score.as_dict())
-        run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall)
+        for write in (
+            lambda: run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall),
+            lambda: write_json(run.path / "live.json", table),
+            lambda: run.write_score(score.as_dict()),
+        ):
+            try:
+                write()
+            except OSError as error:  # a full disk: what is told of the run stands all the same
+                ended.trouble = ended.trouble or f"{run.path} cannot be written: {error.strerror}"
     counters: dict[str, int] = {}
     for one in ended.health.values():
         for name, count in one.get("counters", {}).items():
@@ -122,14 +130,14 @@ def _fly(
     watch: Callable[[Supervisor], object],
 ) -> None:
     """Start, watch, and bring down; what happened is noted in `ended`."""
-    wanted = list(services(plan.rig))
-    ear: Ear | None = None
+    wanted = list(spec.services(plan.rig))
+    events: RunEvents | None = None
     try:
         try:
             if "hub" not in remote:
                 supervisor.start("hub")
             bus = supervisor.connect(spec.credentials("supervisor"))
-            ear = Ear(bus, progress)
+            events = RunEvents(bus, progress)
             supervisor.start("recorder")
             for service in wanted:
                 if service not in remote:
@@ -150,10 +158,10 @@ def _fly(
                 for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
                     tell("info", line)
             limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
-            while ear.stage != "ended":
+            while events.stage != "ended":
                 time.sleep(TURN_S)
                 supervisor.beat()
-                ear.listen()
+                events.take()
                 watch(supervisor)
                 stepped = date.text()
                 if stepped:
@@ -161,24 +169,24 @@ def _fly(
                     tell("warning", stepped)
                 ended.trouble = supervisor.trouble()
                 if not ended.trouble and time.monotonic() > limit:
-                    ended.trouble = f"the run did not end in time (stage {ear.stage})"
+                    ended.trouble = f"the run did not end in time (stage {events.stage})"
                 if ended.trouble:
                     break
         except KeyboardInterrupt:
             ended.interrupted = True
         if ended.trouble or ended.interrupted:
-            if ear is not None:
+            if events is not None:
                 bring_down(supervisor, ended)
         elif not plan.rig.simulated:
             await_drivers(supervisor)
-        if ear is not None:
-            ear.listen()
-            ended.stage = ear.stage
-            ended.failure = ear.failure(troubled=bool(ended.trouble))
+        if events is not None:
+            events.take()
+            ended.stage = events.stage
+            ended.failure = events.failure(troubled=bool(ended.trouble))
         ended.after = load_now()
     finally:
-        if ear is not None:
-            ear.close()
+        if events is not None:
+            events.close()
 
 
 def _check_graph(supervisor: Supervisor, wanted: list[str]) -> None:

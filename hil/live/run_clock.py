@@ -24,7 +24,7 @@ class RunTime:
     def __init__(
         self, watch: ClockWatch, date: DateWatch | None = None, clock: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        """Measures the offset at once. `date` watches this host's date where nobody else does.
+        """Measures the offset at once. `date` watches this host's date where no other process does.
 
         Raises TimeoutError if the hub does not answer.
         """

@@ -1,4 +1,4 @@
-"""What the supervisor follows of a live run itself: its stage, and errors that somebody tells."""
+"""What the supervisor follows of a live run itself: its stage, and the errors among its events."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from hil.bus.leaf import Bus, Mailbox
 from hil.contract.messages import Event, Stage
 
 
-class Ear:
-    """Listens to stages and events; `progress(now_ns, stage)` is told of each stage message."""
+class RunEvents:
+    """Receives stages and events; `progress(now_ns, stage)` is called with each stage message."""
 
     def __init__(self, bus: Bus, progress: Callable[[int, str], None]) -> None:
         self._mailbox, self._progress = Mailbox(urgent=()), progress
@@ -17,20 +17,20 @@ class Ear:
         self.stage = "prepare"
         self.errors: list[str] = []
 
-    def listen(self) -> None:
-        """Take in what has come since."""
-        for letter in self._mailbox.drain():
-            if letter.topic == "run/stage":
-                stage: Stage = letter.message
+    def take(self) -> None:
+        """Take what has arrived since the last call."""
+        for delivery in self._mailbox.drain():
+            if delivery.topic == "run/stage":
+                stage: Stage = delivery.message
                 self.stage = stage.name
                 self._progress(stage.stamp_ns, stage.name)
             else:
-                event: Event = letter.message
+                event: Event = delivery.message
                 if event.severity == "error":
                     self.errors.append(f"{event.source}: {event.text}")
 
     def failure(self, troubled: bool) -> str:
-        """What went wrong in the words of those to whom it happened; empty where it was no failure of the run.
+        """Which errors made the run fail, in their own words; empty if it was no failure of the run.
 
         `troubled`: the supervisor has brought the run down, and has its own reason.
         """

@@ -1,8 +1,8 @@
-"""The nodes of one process, each at its seat: what has come for it, when it is due, and where goes what it says.
+"""The schedule of one process: what has arrived for each of its nodes, when it is due, and where its output goes.
 
-A node that is only driven by time is stepped with its deadline as the time, however late it comes to it, so that a
-simulated device keeps its rhythm; a deadline that has passed altogether is skipped and counted as missed. A node that
-is woken by messages is stepped once with everything that has come, at the time that it is.
+A node that is only driven by time is stepped with its deadline as the time, however late the step begins, so that a
+simulated device keeps its period; a deadline that a later one has overtaken is skipped and counted as missed. A node
+that is woken by messages is stepped once with everything that has arrived, at the current time.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
-from hil.bus.mailbox import Letter
+from hil.bus.mailbox import Delivery
+from hil.contract.codec import CodecError
 from hil.contract.node import Inbox, Node, Out, routes
 from hil.recording.receipts import ReceiptBook
+from hil.recording.recorder import RecordingError
 
 LATE_NS = 2_000_000  # a step that begins this long after its deadline is late
 WIRE_PERIOD_NS = 10_000_000
@@ -39,8 +41,8 @@ class Pace:
 
 
 @dataclass
-class _Seat:
-    """One node at its place in this process."""
+class _ScheduledNode:
+    """One node, what has arrived for it, and how it keeps its deadlines. `numbers`: topic -> those of new messages."""
 
     node: Node
     inbox: Inbox
@@ -49,8 +51,8 @@ class _Seat:
     pace: Pace = field(default_factory=Pace)
 
 
-class Seats:
-    """Steps `nodes`. `publish(topic, message)` gives it to the bus and returns its number; `now()` is the run's ns."""
+class Schedule:
+    """Steps `nodes`. `publish(topic, message)` hands it to the bus and returns its number; `now()`: the run's ns."""
 
     def __init__(
         self,
@@ -60,14 +62,14 @@ class Seats:
         *,
         book: ReceiptBook | None = None,
         wired: Collection[str] = (),
-        at_work: AbstractContextManager[None] | None = None,
+        step_priority: AbstractContextManager[None] | None = None,
     ) -> None:
-        """`wired`: nodes woken by a wire, whose period then only has to be kept as far as `WIRE_PERIOD_NS`. `at_work`
-        is entered for every step."""
+        """`wired`: nodes woken by a wire, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
+        `step_priority` is entered for every step."""
         self._bus_publish, self._now, self._book = publish, now, book
-        self._at_work = at_work or nullcontext()
-        self._seats = [
-            _Seat(
+        self._step_priority = step_priority or nullcontext()
+        self._scheduled = [
+            _ScheduledNode(
                 n, Inbox(n.inputs), {t: [] for t in n.inputs},
                 max(n.period_ns, WIRE_PERIOD_NS if n.name in wired else 0) if n.period_ns else 0,
             )
@@ -77,10 +79,11 @@ class Seats:
         self._delayed: list[tuple[int, int, Out]] = []
         self._ticks: list[tuple[int, int]] = []
         self._serial = 0
+        self.receipts_lost = ""
 
     @property
     def nodes(self) -> list[Node]:
-        return [seat.node for seat in self._seats]
+        return [one.node for one in self._scheduled]
 
     @property
     def urgent(self) -> Collection[str]:
@@ -89,31 +92,31 @@ class Seats:
 
     @property
     def paces(self) -> Iterator[tuple[str, Pace]]:
-        return ((seat.node.name, seat.pace) for seat in self._seats)
+        return ((one.node.name, one.pace) for one in self._scheduled)
 
     def begin(self, first_ns: int = 0) -> None:
         """The run's time starts at 0, the deadlines at `first_ns`."""
-        self._ticks = [(first_ns, rank) for rank, seat in enumerate(self._seats) if seat.period_ns]
+        self._ticks = [(first_ns, rank) for rank, one in enumerate(self._scheduled) if one.period_ns]
         heapq.heapify(self._ticks)
 
     def due_ns(self, latest_ns: int) -> int:
-        """When something has to be done, at the latest at `latest_ns`."""
+        """When the next node is due or the next delayed message is to be published (ns), at the latest `latest_ns`."""
         if self._ticks:
             latest_ns = min(latest_ns, self._ticks[0][0])
         return min(latest_ns, self._delayed[0][0]) if self._delayed else latest_ns
 
-    def receive(self, letters: Iterable[Letter]) -> None:
-        """Hand out letters, then step whom they wake."""
+    def receive(self, deliveries: Iterable[Delivery]) -> None:
+        """Distribute `deliveries`, then step the nodes that they wake."""
         woken: set[int] = set()
-        for letter in letters:
-            self._put(letter.topic, letter.message, letter.sequence)
-            woken.update(self._wakes.get(letter.topic, ()))
+        for delivery in deliveries:
+            self._put(delivery.topic, delivery.message, delivery.sequence)
+            woken.update(self._wakes.get(delivery.topic, ()))
         for rank in sorted(woken):
             self.step(rank, self._now())
 
     def catch_up(self) -> None:
-        """Step whose deadline has come, publish what has been delayed until now."""
-        for _ in self._ticks:  # once each: whoever cannot keep his period still hears, and tells, in between
+        """Step the nodes whose deadline has come, publish the messages whose delay is over."""
+        for _ in self._ticks:  # once each: a node that cannot keep its period still receives and publishes in between
             self._publish_delayed()  # first: a picture may not wait until the next one is drawn
             if self._ticks[0][0] > self._now():
                 return
@@ -126,35 +129,43 @@ class Seats:
 
     def _tick(self) -> None:
         due, rank = self._ticks[0]
-        seat, now = self._seats[rank], self._now()
-        period = seat.period_ns
-        seat.pace.note(now - due, period)
+        one, now = self._scheduled[rank], self._now()
+        period = one.period_ns
+        one.pace.note(now - due, period)
         due += (now - due) // period * period
         heapq.heapreplace(self._ticks, (due + period, rank))
-        self.step(rank, now if seat.node.wakes else due)
+        self.step(rank, now if one.node.wakes else due)
 
     def step(self, rank: int, now_ns: int) -> None:
         """Step one node with what has come for it."""
-        seat = self._seats[rank]
+        one = self._scheduled[rank]
         consumed: list[int] = []
-        for topic in seat.node.inputs:
-            numbers = seat.numbers[topic]
+        for topic in one.node.inputs:
+            numbers = one.numbers[topic]
             consumed += (len(numbers), *numbers)
             numbers.clear()
         began = time.monotonic_ns()
-        with self._at_work:
-            outs = seat.node.step(now_ns, seat.inbox)
-        seat.pace.busy_ns += time.monotonic_ns() - began
-        seat.pace.steps += 1
-        seat.inbox.clear()
+        with self._step_priority:
+            outs = one.node.step(now_ns, one.inbox)
+        one.pace.busy_ns += time.monotonic_ns() - began
+        one.pace.steps += 1
+        one.inbox.clear()
         for out in outs:
             if out.delay_ns:
                 self._serial += 1
                 heapq.heappush(self._delayed, (now_ns + out.delay_ns, self._serial, out))
             else:
                 self._publish(out)
-        if self._book is not None:  # last: nobody waits for it
-            self._book.add(seat.node.name, now_ns, consumed)
+        self._add_receipt(one.node.name, now_ns, consumed)  # last: no node waits for it
+
+    def _add_receipt(self, node: str, now_ns: int, consumed: list[int]) -> None:
+        """Nodes are stepped on when receipts cannot be written: `receipts_lost` then holds the cause."""
+        if self._book is None or self.receipts_lost:
+            return
+        try:
+            self._book.add(node, now_ns, consumed)
+        except (RecordingError, CodecError) as error:
+            self.receipts_lost = str(error)
 
     def _publish(self, out: Out) -> None:
         self._put(out.topic, out.message, self._bus_publish(out.topic, out.message))
@@ -163,12 +174,15 @@ class Seats:
 
     def _put(self, topic: str, message: Any, number: int) -> None:
         for rank in self._readers.get(topic, ()):
-            self._seats[rank].inbox.put(topic, message)
-            self._seats[rank].numbers[topic].append(number)
+            self._scheduled[rank].inbox.put(topic, message)
+            self._scheduled[rank].numbers[topic].append(number)
 
     def close(self) -> None:
         """Close every node and the book."""
-        for seat in self._seats:
-            seat.node.close()
+        for one in self._scheduled:
+            one.node.close()
         if self._book is not None:
-            self._book.close()
+            try:
+                self._book.close()
+            except OSError as error:
+                self.receipts_lost = self.receipts_lost or f"closing the receipts failed: {error.strerror}"

@@ -1,7 +1,8 @@
 """The live host: one process drives a few nodes in real time, over the bus. Deadlines are absolute; late steps count.
 
-The nodes and their deadlines are in `live_seats`; here is what the process itself does: it waits for letters and wires,
-takes orders, tells its health, and brings what it drives to the safe state when it is told to or left to itself.
+The nodes and their deadlines are in `hil/live/schedule.py`. Here is what the process itself does: it waits for messages
+and wires, takes orders, publishes its health, and brings what it drives to the safe state when it is ordered to, or
+when the supervisor is gone.
 """
 
 from __future__ import annotations
@@ -9,32 +10,28 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from typing import Any
 
+from hil.assembly.simulation import counters
 from hil.bus.leaf import CONTROL, HEALTH, Bus, Mailbox
 from hil.contract.messages import Event
 from hil.contract.node import Node
 from hil.live.graph import declare
 from hil.live.liveness import Presence, footprint
-from hil.live.priority import AtWork
 from hil.live.run_clock import RunTime
-from hil.live.schedule import Seats
+from hil.live.schedule import Schedule
 from hil.recording.receipts import ReceiptBook
 
 _WIRE_REST_NS = 1_000_000  # a flood on a wire may not keep its driver busy
 _HEALTH_NS = 500_000_000
 _IDLE_NS = 100_000_000
 _SAFE_LIMIT_NS = 20_000_000_000
-# Where in a period of 4 or 10 ms a service has its deadlines: not all at 0, where they would want the cores at once,
-# and who reads the motion capture after it has told. What it brings to latency was not measured apart.
-_FIRST_NS = {
-    "mocap": 1_000_000, "car_device": 2_000_000, "car": 3_000_000, "vehicle_link": 5_000_000, "referee": 7_000_000,
-}  # fmt: skip
-_LINGER_NS = 2_000_000_000  # zero speed has to be sent, and an autopilot says only once a second that it is disarmed
+_LINGER_NS = 2_000_000_000  # zero speed has to be sent, and an autopilot reports only once a second that it is disarmed
 
 
 class LiveService:
-    """Drives `nodes` until told to stop. `trouble` names wires that went away; `counters` what was rejected."""
+    """Drives `nodes` until ordered to stop. `trouble` names wires that were lost."""
 
     def __init__(
         self,
@@ -46,40 +43,42 @@ class LiveService:
         presence: Presence | None = None,
         book: ReceiptBook | None = None,
         trouble: Callable[[], list[str]] = list,
-        counters: Callable[[], dict[str, int]] = dict,
         serves: str = "",
         descriptors: Mapping[int, str] | None = None,
+        phase_ns: int = 0,
+        step_priority: AbstractContextManager[None] | None = None,
     ) -> None:
         """`presence` watches for the supervisor; `serves` is the digest of the run that this process was built for.
 
         `descriptors`: of wires that wake a node, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
+        `phase_ns`: when the first deadlines are, after the run's start. `step_priority` is entered for every step.
         """
         self.name, self._bus, self._time, self._serves = name, bus, run_time, serves
         self._presence = presence or Presence()
-        self._trouble, self._counters = trouble, counters
+        self._trouble, self._phase_ns = trouble, phase_ns
         wires = descriptors or {}
-        self._seats = Seats(
-            nodes, self._publish, run_time.now, book=book, wired=set(wires.values()), at_work=AtWork(name)
+        self._schedule = Schedule(
+            nodes, self._publish, run_time.now, book=book, wired=set(wires.values()), step_priority=step_priority
         )
         ranks = {node.name: rank for rank, node in enumerate(nodes)}
         self._wired = {fd: ranks[node] for fd, node in wires.items() if node in ranks}
         self._quiet_ns = dict.fromkeys(self._wired, 0)  # until then a wire does not wake its node again
-        self._mailbox = Mailbox(urgent=self._seats.urgent)
+        self._mailbox = Mailbox(urgent=self._schedule.urgent)
         produced = {topic for node in nodes for topic in node.outputs}
         for node in nodes:  # what is made in this process is handed over in it
             bus.subscribe(node.name, [t for t in node.inputs if t not in produced], self._mailbox)
         bus.announce(sorted(produced))
         self._orders: list[dict[str, Any]] = []
-        bus.hear(CONTROL, self._order)
+        bus.on_table(CONTROL, self._order)
         self._health_ns = 0
         self._stop = self._gone = False
         self._abort_ns: int | None = None
         self._safe_ns: int | None = None
         self._why = ""
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
 
     def _order(self, table: dict[str, Any]) -> None:
-        self._presence.heard()
+        self._presence.received()
         if table.get("order") != "watch":
             self._orders.append(table)
             self._mailbox.wake()
@@ -91,24 +90,25 @@ class LiveService:
 
     @property
     def lost(self) -> bool:
-        """Whether it ended because nobody was there any more."""
+        """Whether it ended because the supervisor was gone."""
         return self._gone
 
     def orphaned(self) -> None:
-        """The supervisor is gone: look into it at once (safe in a signal handler)."""
+        """The supervisor may be gone: check it at once (safe in a signal handler)."""
         self._health_ns = 0
         self._mailbox.wake()
 
     def wait_for_go(self) -> bool:
-        """Say "ready" until the supervisor gives the run's start. False if told to stop, or if nobody is there to."""
+        """Publish "ready" until the supervisor starts the run. False if told to stop, or if the supervisor is gone."""
         while not self._stop:
             self._time.tick()
-            self._tell(0, "ready")
+            self._publish_health(0, "ready")
             self._mailbox.wait(_IDLE_NS)
             for order in self._take_orders():
                 if order.get("order") == "go":
                     self._time.begin(int(order["epoch_ns"]))
             if self._time.begun:
+                self._wait_for_start()
                 self._mailbox.drain()
                 self._mailbox.lost.clear()
                 return True
@@ -117,14 +117,19 @@ class LiveService:
                 return False
         return False
 
+    def _wait_for_start(self) -> None:
+        """Until the run's time is 0: no node is stepped at a negative time, whatever arrives before."""
+        while not self._stop and self._now() < 0:
+            self._mailbox.wait(-self._now())
+
     def run(self) -> None:
         """Step the nodes from the run's start until stopped, aborted or orphaned."""
-        self._seats.begin(_FIRST_NS.get(self.name, 0))
-        # Each service tells its health at a moment of its own: all at once they held pictures up by 4 ms
+        self._schedule.begin(self._phase_ns)
+        # Each service publishes its health at a time of its own: all at once they delayed pictures by 4 ms
         self._health_ns = zlib.crc32(self.name.encode()) % _HEALTH_NS
         while not self._stop:
             now = self._now()
-            due = self._seats.due_ns(self._health_ns)
+            due = self._schedule.due_ns(self._health_ns)
             resting = [quiet_ns for quiet_ns in self._quiet_ns.values() if quiet_ns > now]
             due = min([due, *resting])
             listening = [fd for fd, quiet_ns in self._quiet_ns.items() if quiet_ns <= now]
@@ -134,46 +139,51 @@ class LiveService:
         for order in self._take_orders():
             if order.get("order") == "abort" and self._abort_ns is None:
                 self._abort(str(order.get("why", "")))
-        self._seats.receive(self._mailbox.drain())
+        self._schedule.receive(self._mailbox.drain())
         for fd in woken:
             now = self._now()
             self._quiet_ns[fd] = now + _WIRE_REST_NS
-            self._seats.step(self._wired[fd], now)
-        self._seats.catch_up()
+            self._schedule.step(self._wired[fd], now)
+        self._schedule.catch_up()
         now = self._now()
         if now >= self._health_ns:
             self._health_ns = now + _HEALTH_NS
-            self._look_around(now)
+            self._check(now)
         if self._gone and self._safe(now):
             self._stop = True
 
-    def _look_around(self, now_ns: int) -> None:
+    def _check(self, now_ns: int) -> None:
         self._time.tick()
-        self._tell(now_ns, "aborted" if self._abort_ns is not None else "running")
+        self._publish_health(now_ns, "aborted" if self._abort_ns is not None else "running")
+        if self._schedule.receipts_lost:
+            self._report_once(now_ns, "warning", f"this run cannot be replayed: {self._schedule.receipts_lost}")
         for text in self._trouble():
-            self._complain(now_ns, "error", text)
+            self._report_once(now_ns, "error", text)
         for text in self._time.remarks():
-            self._complain(now_ns, "warning", text)
+            self._report_once(now_ns, "warning", text)
         gone = self._presence.gone()
         if gone and not self._gone:
             self._gone = True
             self._abort(gone)
 
     def _abort(self, why: str) -> None:
-        """Bring every node that has something to make safe to its safe state."""
+        """Bring what every node drives to its safe state."""
         if self._abort_ns is None:
             self._abort_ns, self._why = self._now(), why
-            print(f"{self.name}: aborted at {self._abort_ns / 1e9:.3f} s: {why}", flush=True)
-        for node in self._seats.nodes:
-            make_safe = getattr(node, "abort", None)
-            if make_safe is not None:
-                make_safe(why)
+            self._log(f"aborted at {self._abort_ns / 1e9:.3f} s: {why}")
+        for node in self._schedule.nodes:
+            node.abort(why)
+
+    def _log(self, text: str) -> None:
+        """A line in the service's log. A full disk keeps no node from its safe state."""
+        with suppress(OSError):
+            print(f"{self.name}: {text}", flush=True)
 
     def _nodes_safe(self) -> bool:
-        return all(getattr(node, "safe", True) for node in self._seats.nodes)
+        return all(node.safe for node in self._schedule.nodes)
 
     def _safe(self, now_ns: int) -> bool:
-        """Nothing here has to be flown on: everything has been safe for a while, or has had its time to become so."""
+        """Whether this process may end: all has been safe for a while, or has had its time to become so."""
         if not self._nodes_safe():
             self._safe_ns = None
         elif self._safe_ns is None:
@@ -198,31 +208,31 @@ class LiveService:
     def _publish(self, topic: str, message: Any) -> int:
         return self._bus.publish(self._now(), topic, message)
 
-    def _complain(self, now_ns: int, severity: str, text: str) -> None:
-        if text not in self._said:
-            self._said.add(text)
+    def _report_once(self, now_ns: int, severity: str, text: str) -> None:
+        if text not in self._reported:
+            self._reported.add(text)
             self._bus.publish(now_ns, "event", Event(now_ns, severity, self.name, text))
 
-    def _tell(self, now_ns: int, state: str) -> None:
-        self._bus.say(HEALTH + self.name, self.health(now_ns, state))
+    def _publish_health(self, now_ns: int, state: str) -> None:
+        self._bus.send_table(HEALTH + self.name, self.health(now_ns, state))
 
     def health(self, now_ns: int, state: str) -> dict[str, Any]:
-        """What the supervisor and `perch-hil status` are told."""
+        """The health: what supervisor and `perch-hil status` know of this process."""
         mailbox = self._mailbox
         return {
             "service": self.name, "pid": os.getpid(), "state": state, "now_ns": now_ns,
-            "outputs": sorted({topic for node in self._seats.nodes for topic in node.outputs}),
-            "nodes": {node: vars(pace) for node, pace in self._seats.paces},
+            "outputs": sorted({topic for node in self._schedule.nodes for topic in node.outputs}),
+            "nodes": {node: vars(pace) for node, pace in self._schedule.paces},
             "dropped": dict(mailbox.dropped), "lost": dict(mailbox.lost), "garbage": mailbox.garbage,
-            "counters": self._counters(), "safe": self._nodes_safe(), "why": self._why,
+            "counters": counters(self._schedule.nodes), "safe": self._nodes_safe(), "why": self._why,
             "clock": self._time.table(), "serves": self._serves, **footprint(),
-            **({"graph": declare(self._seats.nodes)} if state == "ready" else {}),
+            **({"graph": declare(self._schedule.nodes)} if state == "ready" else {}),
         }  # fmt: skip
 
     def close(self) -> None:
-        """Last words, then the nodes are closed. The bus is the caller's."""
+        """Publish the last health, then close the nodes. The bus belongs to the caller."""
         if self._abort_ns is not None:
-            print(f"{self.name}: {'safe' if self._nodes_safe() else 'NOT SAFE'} at the end", flush=True)
-        self._tell(self._now() if self._time.begun else 0, "stopped")
-        self._seats.close()
+            self._log(f"{'safe' if self._nodes_safe() else 'NOT SAFE'} at the end")
+        self._publish_health(self._now() if self._time.begun else 0, "stopped")
+        self._schedule.close()
         self._mailbox.close()

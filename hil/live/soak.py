@@ -1,7 +1,7 @@
-"""One long live run: does memory stay flat in every service, and does nobody fall behind more and more?
+"""One long live run: does memory stay flat in every service, and does no service fall behind more and more?
 
 The scenario's lead is stretched: the vehicle hovers, the car drives, camera, detector, belief and both drivers work at
-full rate; at the end the attempt is flown as ever.
+full rate; at the end the attempt is flown as in any run.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Verdict:
     faults: tuple[str, ...]
 
 
-class Diary:
+class Samples:
     """Samples of every service from the lead on, when all that a run does is being done."""
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class Diary:
             self._next_s = 0.0
 
     def look(self, health: Mapping[str, Mapping[str, Any]], at_s: float) -> None:
-        """Take a sample of everybody each `SAMPLE_S` seconds; may be called much more often."""
+        """Take a sample of every service each `SAMPLE_S` seconds; may be called much more often."""
         if at_s < self._next_s:
             return
         self._next_s = at_s + SAMPLE_S
@@ -150,12 +150,12 @@ def soak(scenario: str, minutes: float, out: Path, seed: int = 0) -> tuple[list[
 
     path = stretched(scenario, minutes, out)
     names: dict[str, Any] = {"scenario": str(path.resolve()), "rig": "sim", "policy": None, "camera": None}
-    diary = Diary()
+    samples = Samples()
     live = fly_live(
-        Plan(**names), names, seed, pictures="preview", out=out, code=provenance.code(), progress=diary.stage,
-        watch=lambda supervisor: diary.look({**supervisor.health, "supervisor": footprint()}, time.monotonic()),
+        Plan(**names), names, seed, pictures="preview", out=out, code=provenance.code(), progress=samples.stage,
+        watch=lambda supervisor: samples.look({**supervisor.health, "supervisor": footprint()}, time.monotonic()),
     )  # fmt: skip
-    verdicts = [judge(service, samples) for service, samples in sorted(diary.samples.items())]
+    verdicts = [judge(service, samples) for service, samples in sorted(samples.samples.items())]
     trouble = "interrupted" if live.flight.interrupted else live.summary["ended"]["trouble"]
-    verdicts += judge_shared(diary.shared)
+    verdicts += judge_shared(samples.shared)
     return verdicts, trouble, live.flight.run.path

@@ -1,4 +1,4 @@
-"""What every process of a live run is told: one JSON file. A process builds its nodes from it and nothing else."""
+"""The spec of a live run: one JSON file, from which alone every process builds its nodes."""
 
 from __future__ import annotations
 
@@ -8,28 +8,12 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.assembly.builder import node_names
+from hil.assembly.node_table import service_nodes
 from hil.assembly.plan import Plan
 from hil.assembly.rig import Rig
 from hil.bus.leaf import Credentials, credentials_in
 from hil.live.wires import Ports
 from scenarios.draw import Drawn, draw
-from scenarios.spec import Scenario
-
-# Which nodes share a process, in the order of starting; they are stopped the other way round. Belief and policy run
-# one after the other 100 times a second and nothing comes between them; so do follower and driver of the car. The
-# vehicle's driver and gate are alone: whatever happens to another process, the last check stands.
-GROUPS: dict[str, tuple[str, ...]] = {
-    "vehicle_device": ("vehicle_device",),
-    "car_device": ("car_device",),
-    "mocap": ("mocap",),
-    "vehicle_link": ("vehicle_link",),
-    "car": ("car_follower", "car_link"),
-    "camera": ("camera",),
-    "detector": ("detector",),
-    "brain": ("belief", "policy"),
-    "referee": ("director", "referee"),
-}
 
 
 class LiveSpec(BaseModel):
@@ -58,7 +42,7 @@ class LiveSpec(BaseModel):
 
     def services(self, rig: Rig | None = None) -> dict[str, tuple[str, ...]]:
         """service -> its nodes, in the order of starting."""
-        return services(rig or self.plan().rig)
+        return service_nodes(rig or self.plan().rig)
 
     def credentials(self, service: str) -> Credentials | None:
         """The files that make a process this service; None on an open bus."""
@@ -85,13 +69,6 @@ class LiveSpec(BaseModel):
         path.write_text(self.model_dump_json(indent=2) + "\n", encoding="utf-8")
 
 
-def services(rig: Rig) -> dict[str, tuple[str, ...]]:
-    """service -> its nodes with this rig, in the order of starting."""
-    names = node_names(rig)
-    found = {service: tuple(n for n in nodes if n in names) for service, nodes in GROUPS.items()}
-    return {service: nodes for service, nodes in found.items() if nodes}
-
-
 def simulated_twin(rig: Rig) -> Rig:
     """The same rig with every device simulated: what warming up may touch."""
     update = {
@@ -101,6 +78,3 @@ def simulated_twin(rig: Rig) -> Rig:
         "mocap": rig.mocap.model_copy(update={"kind": "sim"}),
     }
     return rig.model_copy(update=update)
-
-
-__all__ = ["GROUPS", "LiveSpec", "Scenario", "services", "simulated_twin"]

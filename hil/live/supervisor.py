@@ -1,10 +1,10 @@
 """Starts the processes of a live run in order, watches them by what they publish, stops them in order.
 
-Nothing is restarted in flight. A process that ends, or whose topics grow old, is an abort: every service that is left
-is told, and brings what it drives to its safe state: the vehicle's driver hands back to the autopilot, which lands; the
-car's driver commands zero speed. If it is one of those two that is gone, silence does the same: the autopilot's
-failsafe and the car's own watchdog act on it. If the hub is gone, or the supervisor itself, everybody hears that
-nobody speaks any more and does by himself what he would have been told.
+Nothing is restarted in flight. A process that ends, or whose topics grow old, is an abort: every remaining service is
+ordered to bring what it drives to its safe state. The vehicle's driver hands back to the autopilot, which lands; the
+car's driver commands zero speed. If one of these two is gone, missing commands do the same: the autopilot's failsafe
+and the car's own watchdog act on them. If the hub is gone, or the supervisor itself, every service detects bus silence
+and enters its safe state by itself.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from hil.contract.topics import TOPICS
 from hil.live.orphaned import mapped_memory
 from hil.live.process import Process
 from hil.live.run_clock import clock_fault
-from hil.live.silence import silence
+from hil.safety.topic_liveness import liveness_fault
 
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
 _BEAT_S = 0.2
 _STOP_S = 4.0
 _GRACE_S = 2.0  # from asking by signal to killing
 _RECORDER_S, _RECORDER_GRACE_S = 15.0, 6.0  # it still has to write what came last
-# Not listened to: big, or silent by design once the gate or the referee has spoken, or frequent and of simulated
-# devices, which tell of themselves twice a second as everybody does
-_QUIET = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
+# Not watched: large; or not published, by design, once the gate has tripped or the referee has decided; or frequent and
+# of simulated devices, whose health is received twice a second like that of every service
+_NOT_WATCHED = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
 
 
 class SupervisorError(RuntimeError):
@@ -48,7 +48,7 @@ class Supervisor:
         self._processes: dict[str, Process] = {}
         self._bus: Bus | None = None
         self.health: dict[str, dict[str, Any]] = {}
-        self._heard: dict[str, int] = {}
+        self._received: dict[str, int] = {}
         self._started_ns = 0
         self._standing: dict[str, Any] = {"order": "watch"}
         self._beaten_s = 0.0
@@ -71,26 +71,26 @@ class Supervisor:
             except BusError as error:
                 if time.monotonic() > until:
                     raise SupervisorError(str(error)) from None
-        self._bus.hear(HEALTH + "*", self._note)
-        self._heard = self._bus.ages([t for t, row in TOPICS.items() if row.hz and t not in _QUIET])
+        self._bus.on_table(HEALTH + "*", self._note)
+        self._received = self._bus.ages([t for t, row in TOPICS.items() if row.hz and t not in _NOT_WATCHED])
         return self._bus
 
     def _note(self, table: dict[str, Any]) -> None:
-        self.health[str(table.get("service"))] = {**table, "heard_ns": time.monotonic_ns()}
-        self.memory.update(table.get("memory", ()))
+        self.health[str(table.get("service"))] = {**table, "received_ns": time.monotonic_ns()}
+        self.memory.update(name for name in table.get("memory", ()) if isinstance(name, str))
 
     def wait_ready(
         self, services: Iterable[str], limit_s: float = READY_LIMIT_S, waiting: Callable[[list[str]], None] = print
     ) -> None:
-        """Until all are ready. Raises SupervisorError naming who ended, who is not ready in time, and a service of
-        another host that was built for another run or whose clock cannot be compared."""
+        """Until all are ready. Raises SupervisorError naming a service that ended, that is not ready in time, or that
+        runs on another host and was built for another run or whose clock cannot be compared."""
         services, until = list(services), time.monotonic() + limit_s
         while True:
             self.beat()
             missing = [s for s in services if self.health.get(s, {}).get("state") != "ready"]
             self._check_remote()
             if not missing:
-                for process in self._processes.values():  # the hub tells of nothing
+                for process in self._processes.values():  # the hub publishes no health
                     self.memory |= mapped_memory(process.pid)
                 return
             self._check_ended()
@@ -123,39 +123,39 @@ class Supervisor:
         return self._started_ns
 
     def beat(self) -> None:
-        """Say that we are there, with the order that stands; to be called several times a second."""
+        """Publish the order that stands, which shows the supervisor's liveness; to be called several times a second."""
         now = time.monotonic()
         if self._bus is not None and now - self._beaten_s > _BEAT_S:
             self._beaten_s = now
-            self._bus.say(CONTROL, self._standing)
+            self._bus.send_table(CONTROL, self._standing)
 
     def _order(self, order: dict[str, Any]) -> None:
-        """To everybody, again with every beat: the bus may lose one."""
+        """To all services, again with every beat: the bus may lose one."""
         self._standing, self._beaten_s = order, 0.0
         self.beat()
 
     def trouble(self) -> str:
-        """Who ended, or who has fallen silent since the start; empty while all is well."""
+        """Which process ended or does not publish since the start, in words; empty while all is well."""
         for process in self._processes.values():
             if process.ended() is not None:
                 return process.why()
         now = time.monotonic_ns()
         if now < self._started_ns:
             return ""
-        silent = silence(now, self.health, self._heard, self._watched())
-        if not silent:
+        fault = liveness_fault(now, self.health, self._received, self._watched())
+        if not fault:
             return ""
-        return next((one.why() for one in self._processes.values() if one.leaving() is not None), silent)
+        return next((one.why() for one in self._processes.values() if one.leaving() is not None), fault)
 
     def _watched(self) -> list[str]:
         return [*(name for name in self._processes if name != "hub"), *self._remote]
 
     def abort(self, why: str) -> None:
-        """Tell everybody who is left to reach the safe state."""
+        """Order all remaining services to reach their safe state."""
         self._order({"order": "abort", "why": why})
 
     def safe(self, service: str) -> bool:
-        """Whether `service` says that what it drives is safe; True if it has ended or can say nothing any more."""
+        """Whether `service` reports that what it drives is safe; True if it has ended or cannot report."""
         process, table = self._processes.get(service), self.health.get(service)
         if (process is None and service not in self._remote) or table is None:
             return True
@@ -163,8 +163,8 @@ class Supervisor:
             return True
         if self._alone(process):
             return False
-        silent = time.monotonic_ns() - table["heard_ns"] > 3e9
-        return silent or bool(table.get("safe", True))
+        overdue = time.monotonic_ns() - table["received_ns"] > 3e9
+        return overdue or bool(table.get("safe", True))
 
     def _alone(self, process: Process | None) -> bool:
         """The hub is gone and the service, which was well, is left to itself: it ends once it is safe."""
@@ -172,7 +172,7 @@ class Supervisor:
         return process is not None and hub is not None and hub.ended() is not None and not process.stopped()
 
     def drop_hub(self) -> None:
-        """End a hub that does not answer, so that everybody notices at once."""
+        """End a hub that does not answer, so that every service detects it at once."""
         hub = self._processes.get("hub")
         if hub is not None:
             hub.end(0.0)
@@ -181,7 +181,7 @@ class Supervisor:
         """Stop in reverse order of starting, the recorder after all services, the hub last."""
         order = [s for s in reversed(self._processes) if s not in ("recorder", "hub")]
         for service in self._remote:
-            self._say_stop(service)
+            self._order_stop(service)
         for service in [*order, "recorder", "hub"]:
             process = self._processes.get(service)
             if process is None:
@@ -192,7 +192,7 @@ class Supervisor:
                 if process.ended() is None:
                     os.kill(process.pid, signal.SIGTERM)
             elif process.ended() is None:
-                self._say_stop(service)
+                self._order_stop(service)
             patience_s, grace_s = (_RECORDER_S, _RECORDER_GRACE_S) if service == "recorder" else (_STOP_S, _GRACE_S)
             remark = process.end(patience_s if self._hub_lives() else 0.0, self.beat, grace_s)
             if remark:
@@ -200,16 +200,16 @@ class Supervisor:
         self._processes.clear()
         self._leave()
 
-    def _say_stop(self, service: str) -> None:
+    def _order_stop(self, service: str) -> None:
         if self._bus is not None:
-            self._bus.say(CONTROL, {"order": "stop", "service": service})
+            self._bus.send_table(CONTROL, {"order": "stop", "service": service})
 
     def _hub_lives(self) -> bool:
         hub = self._processes.get("hub")
         return hub is None or hub.ended() is None
 
     def _await_remote(self) -> None:
-        """Give the others a moment to say that they have stopped."""
+        """Give the remote services a moment to report that they have stopped."""
         until = time.monotonic() + _STOP_S
         while self._hub_lives() and time.monotonic() < until:
             left = [s for s in self._remote if self.health.get(s, {}).get("state", "stopped") != "stopped"]
@@ -217,7 +217,7 @@ class Supervisor:
                 return
             time.sleep(0.05)
         self.remarks += [
-            f"{s} on its other host did not say that it stopped"
+            f"{s} on its other host did not report that it stopped"
             for s in self._remote
             if self.health.get(s, {}).get("state", "stopped") != "stopped"
         ]

@@ -1,7 +1,7 @@
-"""Warming up: every kernel a process will need is compiled, or loaded from the cache, before it says that it is ready.
+"""Warming up: every kernel a process will need is compiled, or loaded from the cache, before it reports ready.
 
-Throw-away copies of its nodes are stepped with plausible messages, on wires in memory. What talks to the vehicle
-rehearses a flight from take-off to touchdown: each phase has kernels of its own, and the first call of one takes as
+Throw-away copies of its nodes are stepped with plausible messages, on wires in memory. The nodes of the vehicle's wire
+rehearse a flight from take-off to touchdown: each phase has kernels of its own, and the first call of one takes as
 long as many control periods.
 """
 
@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.assembly.builder import Assembly
+from hil.assembly.node_table import NODES
 from hil.assembly.plan import Plan
 from hil.assembly.simulation import MemoryWires
 from hil.contract import messages as m
@@ -32,14 +33,15 @@ def warm_up(plan: Plan, drawn: Drawn, names: Sequence[str]) -> None:
     """Step fresh nodes `names` of the run, with every device simulated."""
     clock, rig = Clock(), simulated_twin(plan.rig)
     assembly = Assembly(plan.scenario, rig, drawn, plan.make_policy, MemoryWires(rig, clock))
-    if {"vehicle_link", "vehicle_device"} & set(names):
+    slots = {NODES[name].slot for name in names} - {""}
+    if "vehicle" in slots:
         _rehearse(assembly, clock)
     image: m.Image | None = None
-    if "detector" in names and "camera" in assembly.names:
+    if "detector" in names:
         image = _picture(assembly.node("camera"))
-    partners = {"car_link": "car_device"}
-    together = [*names, *(partners[n] for n in names if partners.get(n) in assembly.names and partners[n] not in names)]
-    nodes = [assembly.node(n) for n in assembly.names if n in together and not n.startswith("vehicle_")]
+    # A driver and its simulated device are stepped together; the vehicle's have flown already.
+    rows = [NODES[name] for name in assembly.names if name in names or NODES[name].slot in slots]
+    nodes = [assembly.node(row.name) for row in rows if row.slot != "vehicle"]
     samples, began_ns = _samples(image), clock.now_ns
     for step in range(_STEPS):
         clock.now_ns = began_ns + step * _STEP_NS
@@ -63,9 +65,9 @@ def _rehearse(assembly: Assembly, clock: Clock) -> None:
             for inbox in inboxes.values():
                 inbox.put("referee/contact", m.Contact(clock.now_ns, "contact", "", True, True, 0, 0, 0, 0, 0))
         for node, inbox in inboxes.items():
-            said = node.step(clock.now_ns, inbox)
+            outs = node.step(clock.now_ns, inbox)
             inbox.clear()
-            if left < 0 and any(out.topic == "vehicle/status" and out.message.phase == "hover" for out in said):
+            if left < 0 and any(out.topic == "vehicle/status" and out.message.phase == "hover" for out in outs):
                 left = _STEPS
         left -= left > 0
     for node in inboxes:

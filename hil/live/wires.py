@@ -1,4 +1,4 @@
-"""The wires of a live run: simulated devices behind UDP on this host, real ones where the rig says they are."""
+"""The wires of a live run: simulated devices behind UDP on this host, real ones as the rig names them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from hil.assembly.rig import Rig
 from hil.wires import WireError
 from hil.wires.can import open_can
 from hil.wires.can_udp import CanOverUdp
+from hil.wires.serial import SerialWire
+from hil.wires.tcp import TcpWire
 from hil.wires.udp import UdpWire
 from hil.wires.url import open_url
 
@@ -30,7 +32,7 @@ class Ports(BaseModel):
 
 
 def free_ports() -> Ports:
-    """Ports that nobody uses now."""
+    """Ports that are free now."""
     with socket.socket() as a, socket.socket() as b, socket.socket() as c, socket.socket() as d:
         found: list[int] = []
         for one in (a, b, c, d):
@@ -45,19 +47,20 @@ class LiveWires:
     def __init__(self, rig: Rig, ports: Ports) -> None:
         self._rig, self._ports = rig, ports
         self._opened: list[Any] = []
+        self._connections: list[TcpWire | SerialWire] = []
         self.descriptors: dict[int, str] = {}  # to be waited for -> the driver that reads it; others are looked at
 
     def vehicle_link(self) -> Any:
         slot, ports = self._rig.vehicle, self._ports
         if slot.kind == "mavlink":
-            return self._keep(open_url(slot.url), "vehicle_link")
+            return self._keep(open_url(slot.url, slot.system), "vehicle_link")
         return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
 
     def vehicle_device(self) -> Any:
-        # as PX4 does: speaks first to a default address, keeps its first partner, hears everybody
+        # as PX4 does: sends first to a default address, keeps its first partner, receives from any sender
         ports = self._ports
         peer = (ports.host, ports.vehicle_link)
-        return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", strangers=True))
+        return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", accept_others=True))
 
     def car_link(self) -> Any:
         slot, ports = self._rig.groundcar, self._ports
@@ -76,14 +79,16 @@ class LiveWires:
 
     def _keep(self, wire: Any, driver: str = "") -> Any:
         self._opened.append(wire)
-        if driver and hasattr(wire, "fileno"):
+        if isinstance(wire, TcpWire | SerialWire):
+            self._connections.append(wire)
+        if driver and isinstance(wire, UdpWire):
             self.descriptors[wire.fileno()] = driver
         return wire
 
     @property
     def trouble(self) -> list[str]:
         """Wires that went away."""
-        return [wire.lost for wire in self._opened if getattr(wire, "lost", "")]
+        return [wire.lost for wire in self._connections if wire.lost]
 
     def close(self) -> None:
         for wire in self._opened:

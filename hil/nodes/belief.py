@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from hil.contract.messages import Belief
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from policies.estimation.board_filter import BoardFilter
 
 
-class BeliefNode:
+class BeliefNode(Node):
     """One `BoardFilter`; measurements are applied at their exposure time, however late they come."""
 
     name = "belief"
     inputs = ("board/detection", "vehicle/odometry")
     outputs = ("belief",)
     wakes = ("vehicle/odometry", "board/detection")
-    period_ns = 0
 
     def __init__(self, board_filter: BoardFilter) -> None:
         self._filter = board_filter
@@ -32,6 +31,3 @@ class BeliefNode:
         if inbox.latest("vehicle/odometry") is None or not (seen or inbox.new("vehicle/odometry")):
             return []
         return [Out("belief", Belief(*self._filter.estimate(now_ns)))]
-
-    def close(self) -> None:
-        pass

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from hil.contract.messages import Event, Image, Stage
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from hil.wires import WireError
 from hil.wires.camera import CameraWire
 
 _POLL_NS = 2_000_000
 
 
-class CameraDevice:
-    """Passes the newest picture on, from the lead stage on (nobody looks before).
+class CameraDevice(Node):
+    """Passes the newest picture on, from the lead stage on (no picture is used before).
 
-    When a device goes away the recording is told, and the next step ends the service: flying on without eyes is
-    nothing to hope for, and every other service then goes to its safe state. The end of a recording is only told.
+    A device that is lost is reported by an event, and the next step ends the service: without pictures the attempt
+    cannot succeed, and every other service then enters its safe state. The end of a recording is only reported.
     """
 
     name = "camera"
@@ -29,14 +29,12 @@ class CameraDevice:
         self._lost = ""
 
     @property
-    def dropped(self) -> int:
-        """Pictures that came and were replaced before they could be passed on."""
-        return self._camera.dropped
-
-    @property
-    def losses(self) -> int:
-        """1 once the camera is gone."""
-        return int(bool(self._lost))
+    def counters(self) -> dict[str, int]:
+        return {
+            "pictures replaced before they were read": self._camera.dropped,
+            "damaged pictures": self._camera.damaged,
+            "cameras lost": int(bool(self._lost)),
+        }
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         if self._lost and self._real:

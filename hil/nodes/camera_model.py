@@ -1,24 +1,24 @@
-"""The paper's model camera in place of pictures: visibility gate and observation noise at the scenario's rate."""
+"""The paper's model camera in place of pictures: visibility test and observation noise at the scenario's rate."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from hil.contract.messages import BoardState, Detection, Stage, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from hil.nodes.camera_sim import motion_of
 from kernel.rotations import to_matrix
-from vehicle.camera.noise import OBS_DIM, observe_board
+from vehicle.camera import detection_row
+from vehicle.camera.noise import observe_board
 from vehicle.camera.pinhole import board_visibility
 
 
-class CameraModel:
-    """Publishes what a detector would have said, after exposure, transport and detection delays."""
+class CameraModel(Node):
+    """Publishes what a detector would have published, after exposure, transport and detection delays."""
 
     name = "camera"
     inputs = ("truth/vehicle", "truth/board", "run/stage")
     outputs = ("board/detection",)
-    wakes = ()
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class CameraModel:
         v, b = motion_of(vehicle, now_ns), motion_of(board, now_ns)
         self._sequence += 1
         seen = board_visibility(v[:3], v[6:10], b[:3], to_matrix(b[6:10]), self._cam)
-        out = np.zeros(OBS_DIM)
+        out = np.zeros(detection_row.DIM)
         if seen:
             observe_board(
                 v[:3], v[6:10], v[3:6], b[:3], b[6:10], b[3:6], self._cam, self._noise, 1.0, self._bias, self._rng, out
@@ -66,6 +66,3 @@ class CameraModel:
             processing_ns=self._processing_ns,
         )
         return [Out("board/detection", detection, self._delay_ns + self._processing_ns)]
-
-    def close(self) -> None:
-        pass

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hil.contract.messages import BoardState, Image, Stage, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from kernel.rotations import rotate_back
 from vehicle.render.pose import motion_row
 from vehicle.render.renderer import Renderer
@@ -21,13 +21,12 @@ def motion_of(state: VehicleState | BoardState, at_ns: int) -> np.ndarray:
     return motion_row(position, state.orientation, state.velocity, body_rate)
 
 
-class CameraSim:
-    """Renders from the lead stage on (nobody looks before) and stamps each picture with the middle of its exposure."""
+class CameraSim(Node):
+    """Renders from the lead stage on (none is used before) and stamps each picture with the middle of its exposure."""
 
     name = "camera"
     inputs = ("truth/vehicle", "truth/board", "run/stage")
     outputs = ("camera/image",)
-    wakes = ()
 
     def __init__(
         self, renderer: Renderer, rate_hz: float, exposure_ns: int, transport_ns: int, drawn_after_ns: int = 0
@@ -54,6 +53,3 @@ class CameraSim:
         image = Image(exposed_ns, width, height, self._exposure_ns, pixels.tobytes(), self._sequence)
         self._sequence += 1
         return [Out("camera/image", image, self._delay_ns - self._drawn_after_ns)]
-
-    def close(self) -> None:
-        pass

@@ -6,29 +6,29 @@ import math
 
 import numpy as np
 
-from groundcar.motion.board_motion import HEADING, SPEED, TURN_RATE
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_position, board_quaternion, board_velocity
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import ScoutLink, WrongProtocolError
 from groundcar.scout.follower import Follower
 from groundcar.scout.sim import ScoutSim
 from hil.contract.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage
-from hil.contract.node import Inbox, Out
-from hil.safety.gate import CarGate, CarGateLimits
+from hil.contract.node import Inbox, Node, Out
+from hil.safety.car_gate import CarGate
+from hil.safety.limits import CarGateLimits
 
 CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
 _BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board
 _STANDING = 0.05  # m/s
 
 
-class CarFollower:
+class CarFollower(Node):
     """Drives the car along the scenario's motion, by motion capture, once the director lets it; brings it to rest once
     the run has ended."""
 
     name = "car_follower"
     inputs = ("mocap/board", "run/stage")
     outputs = ("car/reference", "car/command")
-    wakes = ()
     period_ns = CONTROL_PERIOD_NS
 
     def __init__(self, follower: Follower) -> None:
@@ -66,12 +66,9 @@ class CarFollower:
         share = left / abs(speed) if left else 0.0
         return math.copysign(left, speed), share * turn_rate
 
-    def close(self) -> None:
-        pass
 
-
-class CarLink:
-    """The CAN driver with its gate: enables the car, passes fresh commands on, reports what it says and was sent."""
+class CarLink(Node):
+    """The CAN driver with its gate: enables the car, passes fresh commands on, reports feedback and what was sent."""
 
     name = "car_link"
     inputs = ("car/command",)
@@ -82,20 +79,22 @@ class CarLink:
     def __init__(
         self, link: ScoutLink, gate: CarGate | None = None, stands_for_truth: DeadReckoning | None = None
     ) -> None:
-        """`stands_for_truth`: a real car seen by simulated sensors; they see it where its wheels say it is."""
+        """`stands_for_truth`: a real car seen by simulated sensors; they see it where its wheel odometry puts it."""
         self._link, self._gate, self._truth = link, gate or CarGate(CarGateLimits()), stands_for_truth
         if stands_for_truth is not None:
             self.outputs = (*CarLink.outputs, "truth/board")
         self._fault = ""
         self._said: CarFeedback | None = None
         self._sent = 0
-        self.rejected = 0
+        self._rejected = 0
         self._protocol_wrong = self._aborted = False
 
     @property
-    def refused(self) -> int:
-        """Commands that came too old to be sent."""
-        return self._gate.refused
+    def counters(self) -> dict[str, int]:
+        return {
+            "frames rejected on the car's wire": self._rejected,
+            "commands too old to send to the car": self._gate.refused,
+        }
 
     @property
     def safe(self) -> bool:
@@ -117,7 +116,7 @@ class CarLink:
         except WrongProtocolError as error:
             self._protocol_wrong, self._said = True, None
             return [Out("event", Event(now_ns, "error", self.name, str(error)))]
-        self.rejected = said.rejected_frames
+        self._rejected = said.rejected_frames
         if said.fault != self._fault:
             text = f"car: {said.fault}" if said.fault else f"car: fault gone ({self._fault})"
             outs.append(Out("event", Event(now_ns, "warning" if said.fault else "info", self.name, text)))
@@ -134,24 +133,19 @@ class CarLink:
         return [*outs, Out("car/feedback", self._said)]
 
     def _checked(self, now_ns: int, command: CarCommand, outs: list[Out]) -> CarCommand | None:
-        """What may be sent of `command`; a trip is told once."""
+        """What may be sent of `command`; a trip is reported once."""
         before = self._gate.tripped
         checked = self._gate.check(now_ns, command, self._said)
         if self._gate.tripped and not before:
             outs.append(Out("event", Event(now_ns, "error", "car_gate", f"gate tripped: {self._gate.tripped}")))
         return checked
 
-    def close(self) -> None:
-        pass
 
-
-class CarDevice:
+class CarDevice(Node):
     """The simulated Scout Mini and the board it carries."""
 
     name = "car_device"
-    inputs = ()
     outputs = ("truth/board",)
-    wakes = ()
     period_ns = 4_000_000
 
     def __init__(self, sim: ScoutSim, height: float, inclination: float) -> None:
@@ -162,9 +156,6 @@ class CarDevice:
         self._sim.step(now_ns)
         return [Out("truth/board", board_of(now_ns, self._sim.board_row(self._height, self._inclination)))]
 
-    def close(self) -> None:
-        pass
-
 
 def board_of(stamp_ns: int, row: np.ndarray) -> BoardState:
     """The board's state from a board row (8,)."""
@@ -174,7 +165,7 @@ def board_of(stamp_ns: int, row: np.ndarray) -> BoardState:
         position=(float(x), float(y), float(z)),
         velocity=board_velocity(row),
         orientation=board_quaternion(row),
-        heading=float(row[HEADING]),
-        speed=float(row[SPEED]),
-        turn_rate=float(row[TURN_RATE]),
+        heading=float(row[board_row.HEADING]),
+        speed=float(row[board_row.SPEED]),
+        turn_rate=float(row[board_row.TURN_RATE]),
     )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hil.contract.messages import Belief, Detection, Image, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from kernel.rotations import from_euler, to_matrix
 from vehicle.apriltag.detector import BoardDetector, BoardPose, modelled_processing_ns, world_board_pose
 from vehicle.camera.noise import ODOMETRY_SIGMA, POINTING_SIGMA
@@ -16,14 +16,13 @@ from vehicle.camera.pinhole import camera_frame
 from vehicle.quadrotor.pose_history import PoseAt, PoseHistory
 
 
-class Detector:
+class Detector(Node):
     """Looks at the newest picture only: one that arrives while another is being processed is dropped and counted."""
 
     name = "detector"
     inputs = ("camera/image", "vehicle/odometry", "belief")
     outputs = ("board/detection",)
     wakes = ("camera/image",)
-    period_ns = 0
 
     def __init__(
         self, detector: BoardDetector, camera_row: np.ndarray, stopwatch: Callable[[], int] | None = None
@@ -33,7 +32,11 @@ class Detector:
         self._detector, self._cam, self._stopwatch = detector, camera_row, stopwatch
         self._history = PoseHistory()
         self._busy_until_ns = 0
-        self.dropped = 0
+        self._dropped = 0
+
+    @property
+    def counters(self) -> dict[str, int]:
+        return {"pictures dropped by a busy detector": self._dropped}
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         for odometry in inbox.new("vehicle/odometry"):
@@ -42,9 +45,9 @@ class Detector:
         if not images:
             return []
         if now_ns < self._busy_until_ns:
-            self.dropped += len(images)
+            self._dropped += len(images)
             return []
-        self.dropped += len(images) - 1
+        self._dropped += len(images) - 1
         image: Image = images[-1]
         vehicle = self._history.at(image.stamp_ns)
         pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
@@ -88,9 +91,6 @@ class Detector:
             image_sequence=image.sequence,
             processing_ns=processing_ns,
         )
-
-    def close(self) -> None:
-        pass
 
 
 def _expected(

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 
 from hil.contract.messages import BoardState, Quat, Vec3, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from vehicle.mocap.system import Mocap
 
 
-class MocapNode:
+class MocapNode(Node):
     """Measures the newest truth of both bodies each period."""
 
     name = "mocap"
     inputs = ("truth/vehicle", "truth/board")
     outputs = ("mocap/vehicle", "mocap/board")
-    wakes = ()
 
     def __init__(self, vehicle: Mocap, board: Mocap, rate_hz: float, delay_ns: int) -> None:
         self.period_ns = round(1e9 / rate_hz)
@@ -38,9 +37,6 @@ class MocapNode:
             board.position, board.velocity, board.orientation, rates
         )
         return board_state(board.stamp_ns, position, velocity, orientation, rate[2])
-
-    def close(self) -> None:
-        pass
 
 
 def board_state(stamp_ns: int, position: Vec3, velocity: Vec3, orientation: Quat, turn_rate: float) -> BoardState:

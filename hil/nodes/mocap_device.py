@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from hil.contract.messages import Event, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from hil.nodes.mocap import board_state
 from hil.wires import WireError
 from hil.wires.mocap_vrpn import BodyPose
@@ -27,8 +27,8 @@ class MocapWire(Protocol):
     def close(self) -> None: ...
 
 
-class MocapDevice:
-    """Publishes each pose as it comes. A system that goes away ends the service, and with it the attempt."""
+class MocapDevice(Node):
+    """Publishes each pose as it comes. A system that is lost ends the service, and with it the attempt."""
 
     name = "mocap"
     inputs = ("run/stage",)
@@ -37,19 +37,22 @@ class MocapDevice:
     period_ns = _POLL_NS
 
     def __init__(self, wire: MocapWire, vehicle: str, board: str) -> None:
-        """`vehicle` and `board`: how the system calls the two bodies."""
+        """`vehicle` and `board`: the names of the two bodies in the system."""
         self._wire = wire
         self._motions = {vehicle: BodyMotion(), board: BodyMotion()}
         self._vehicle = vehicle
         self._seen_ns: dict[str, int] = {}
         self._hidden: set[str] = set()
-        self.rejected = self.hidings = 0
+        self._rejected = self._hidings = 0
         self._lost = ""
 
     @property
-    def losses(self) -> int:
-        """1 once the system is gone."""
-        return int(bool(self._lost))
+    def counters(self) -> dict[str, int]:
+        return {
+            "poses of motion capture rejected": self._rejected,
+            "times a body was hidden from motion capture": self._hidings,
+            "motion capture systems lost": int(bool(self._lost)),
+        }
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         if self._lost:
@@ -64,7 +67,7 @@ class MocapDevice:
         stamp = now_ns - pose.age_ns
         moves = self._motions[pose.body].add(stamp, pose.position, pose.orientation)
         if moves is None:
-            self.rejected += 1
+            self._rejected += 1
             return None
         self._seen_ns[pose.body] = now_ns
         velocity, body_rate = moves
@@ -74,13 +77,13 @@ class MocapDevice:
         return Out("mocap/board", board_state(stamp, pose.position, velocity, pose.orientation, turn_rate))
 
     def _watch(self, now_ns: int) -> list[Out]:
-        """Tell when a body is hidden and when it is back."""
+        """Report when a body is hidden and when it is back."""
         outs = []
         for body, seen_ns in self._seen_ns.items():
             hidden = now_ns - seen_ns > _HIDDEN_NS
             if hidden != (body in self._hidden):
                 self._hidden ^= {body}
-                self.hidings += hidden
+                self._hidings += hidden
                 text = f'"{body}" is hidden from motion capture' if hidden else f'"{body}" is seen again'
                 outs.append(Out("event", Event(now_ns, "warning" if hidden else "info", self.name, text)))
         return outs

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from hil.contract.messages import Action, Belief, Stage, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from policies.task.interface import FlyingPolicy
 
 
-class PolicyNode:
-    """Steps a policy whenever a new belief arrives during the attempt; before that it does not exist.
+class PolicyNode(Node):
+    """Steps a policy whenever a new belief arrives during the attempt; before that it is not stepped.
 
     A picture is not kept waiting for the next control tick.
     """
@@ -17,7 +17,6 @@ class PolicyNode:
     inputs = ("belief", "vehicle/odometry", "run/stage")
     outputs = ("policy/action",)
     wakes = ("belief",)
-    period_ns = 0
 
     def __init__(self, policy: FlyingPolicy) -> None:
         self._policy = policy
@@ -43,6 +42,3 @@ class PolicyNode:
             thrust_gain=command.thrust_gain,
         )
         return [Out("policy/action", action)]
-
-    def close(self) -> None:
-        pass

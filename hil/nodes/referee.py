@@ -5,24 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from hil.contract.messages import BoardState, Contact, Event, Stage, VehicleState
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 from policies.task import contact as rule
+from policies.task import result_row
+from vehicle.quadrotor.airframe import ContactGeometry
 
 
-class Referee:
+class Referee(Node):
     """Judges every new pair of motion capture samples while the attempt lasts; the first decision stands."""
 
     name = "referee"
     inputs = ("mocap/vehicle", "mocap/board", "run/stage")
     outputs = ("referee/contact", "event")
     wakes = ("mocap/vehicle",)
-    period_ns = 0
 
-    def __init__(self, rules: rule.ContactRules, inclination: float) -> None:
+    def __init__(self, rules: rule.ContactRules, disc: ContactGeometry, inclination: float) -> None:
         """`inclination` in rad: the board's set angle, which motion capture also measures but the car's heading not."""
-        self._rules = rules.row()
+        self._rules = rules.row(disc)
         self._inclination = inclination
-        self._result = np.zeros(rule.RESULT_DIM)
+        self._result = np.zeros(result_row.DIM)
         self._decided: Contact | None = None
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
@@ -66,6 +67,3 @@ class Referee:
             Out("referee/contact", contact),
             Out("event", Event(now_ns, "info", self.name, f"{seen.outcome}{why}, {held}")),
         ]
-
-    def close(self) -> None:
-        pass

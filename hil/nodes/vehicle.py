@@ -12,8 +12,8 @@ from hil.contract.messages import (
     VehicleState,
     VehicleStatus,
 )
-from hil.contract.node import Inbox, Out
-from hil.safety.gate import Gate
+from hil.contract.node import Inbox, Node, Out
+from hil.safety.vehicle_gate import VehicleGate
 from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
@@ -24,8 +24,8 @@ STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
 
 
-class VehicleLink:
-    """Driver and gate in one node: nothing can come between the last check and the wire."""
+class VehicleLink(Node):
+    """Driver and gate in one node: nothing comes between the last check and the wire."""
 
     name = "vehicle_link"
     inputs = ("policy/action", "referee/contact")
@@ -36,12 +36,12 @@ class VehicleLink:
     def __init__(
         self,
         link: Px4Link,
-        gate: Gate,
+        gate: VehicleGate,
         stands_for_truth: bool = False,
         external_pose: bool = False,
         virtual_board: bool = False,
     ) -> None:
-        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where the autopilot says it is.
+        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where its odometry puts it.
         `external_pose`: what motion capture sees of the vehicle is passed on to the autopilot's estimator.
         `virtual_board`: a real vehicle perches on a board that is not there, and would fall if its motors stopped."""
         self._link, self._gate, self._truth, self._external = link, gate, stands_for_truth, external_pose
@@ -53,7 +53,7 @@ class VehicleLink:
         self._odometry: VehicleState | None = None
         self._status_ns = -STATUS_PERIOD_NS
         self._phase = ""
-        self._told: dict[str, float] = {}
+        self._published: dict[str, float] = {}
         self._aborted = False
 
     def abort(self, why: str) -> None:
@@ -63,7 +63,7 @@ class VehicleLink:
 
     @property
     def safe(self) -> bool:
-        """On the ground or perched, as far as the autopilot has said."""
+        """On the ground or perched, as far as the autopilot has reported."""
         return self._link.phase in GROUND_PHASES or not self._link.armed
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
@@ -99,9 +99,9 @@ class VehicleLink:
         if phase == self._phase or phase in ("connect", "parameters"):
             return []
         held = self._link.parameters
-        if not held or held == self._told:
+        if not held or held == self._published:
             return []
-        self._told = held
+        self._published = held
         return [Out("vehicle/parameters", VehicleParameters(now_ns, tuple(held), tuple(held.values())))]
 
     def _checked(self, now_ns: int, action: Action | None) -> tuple[Rates | None, Sent | None, str]:
@@ -123,17 +123,11 @@ class VehicleLink:
             self._link.release()
 
     @property
-    def garbage(self) -> int:
-        """Bytes on the vehicle's wire that were no MAVLink."""
-        return self._link.garbage
-
-    @property
-    def refused(self) -> int:
-        """Commands that came too old to be sent."""
-        return self._gate.refused
-
-    def close(self) -> None:
-        pass
+    def counters(self) -> dict[str, int]:
+        return {
+            "bytes of garbage on the vehicle's wire": self._link.garbage,
+            "commands too old to send": self._gate.refused,
+        }
 
 
 def _with_thrust(sent: Sent, said: LinkOutput) -> Sent:
@@ -154,13 +148,12 @@ def _status(now_ns: int, said: LinkOutput) -> VehicleStatus:
     )
 
 
-class VehicleDevice:
+class VehicleDevice(Node):
     """The software PX4 with its airframe; when the magnet holds, the vehicle rides on the board."""
 
     name = "vehicle_device"
     inputs = ("referee/contact", "truth/board")
     outputs = ("truth/vehicle",)
-    wakes = ()
     period_ns = 4_000_000
 
     def __init__(self, sim: Px4Sim, wind: Wind | None = None) -> None:
@@ -168,7 +161,7 @@ class VehicleDevice:
 
     @property
     def safe(self) -> bool:
-        """Nothing flies any more: until then its driver needs it."""
+        """Whether it is disarmed: until then its driver needs it."""
         return not self._sim.truth().armed
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
@@ -182,6 +175,3 @@ class VehicleDevice:
         truth = self._sim.truth()
         state = VehicleState(now_ns, truth.position, truth.velocity, truth.orientation, truth.body_rate)
         return [Out("truth/vehicle", state)]
-
-    def close(self) -> None:
-        pass

@@ -16,7 +16,9 @@ import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
@@ -26,7 +28,12 @@ from vehicle.camera.pinhole import Camera
 
 _PERIOD_NS = 20_000_000  # of transforms and poses
 _PREVIEW_PERIOD_NS = 66_000_000  # at most 15 Hz; every fourth picture at 60 Hz, every second at 30
+_PICTURES_KEPT = 32  # sent pictures whose detection may still come
 _LEVELS = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
+_BOXES = {  # frame -> thickness (m), colour
+    "board": (0.01, (0.85, 0.85, 0.85, 1.0)), "board_belief": (0.005, (0.2, 0.6, 1.0, 0.5)),
+    "vehicle": (0.06, (1.0, 0.5, 0.1, 1.0)),
+}  # fmt: skip
 PICTURES = ("none", "preview", "all", "raw")
 
 View = tuple[str, bytes]
@@ -72,7 +79,8 @@ class FoxgloveView:
             raise ValueError(f"pictures is {pictures!r}: choose one of {', '.join(PICTURES)}")
         self.camera, self.pictures, self.board_size = camera or Camera(), pictures, board_size
         self._due: dict[str, int] = {}
-        self._scene_sent = False
+        self._drawn: set[str] = set()  # frames whose box was sent
+        self._scales: dict[int, int] = {}  # exposure time of the newest pictures sent -> by what they were reduced
         self._views: dict[str, Callable[[Any], list[View]]] = {
             "truth/vehicle": self._vehicle,
             "mocap/vehicle": self._vehicle,
@@ -94,6 +102,7 @@ class FoxgloveView:
         ("/log", Log, "small"),
         ("/scene", SceneUpdate, "small"),
         ("/camera/calibration", CameraCalibration, "small"),
+        ("/camera/annotations", ImageAnnotations, "small"),
         ("/camera/image", CompressedImage, "pictures"),
     )
 
@@ -124,24 +133,26 @@ class FoxgloveView:
         return [
             ("/tf", transforms.SerializeToString()),
             ("/vehicle/pose", _pose(state.stamp_ns, state.position, state.orientation)),
-            *self._scene(state.stamp_ns),
+            *self._box(state.stamp_ns, "vehicle"),
         ]
 
     def _board(self, state: m.BoardState) -> list[View]:
         if not self._is_due("board", state.stamp_ns):
             return []
-        return _body(state.stamp_ns, "board", "/board/pose", state.position, state.orientation)
+        views = _body(state.stamp_ns, "board", "/board/pose", state.position, state.orientation)
+        return [*views, *self._box(state.stamp_ns, "board")]
 
     def _belief(self, belief: m.Belief) -> list[View]:
         if not belief.valid or not self._is_due("belief", belief.stamp_ns):
             return []
         orientation = belief_orientation(belief.heading, belief.inclination)
-        return _body(belief.stamp_ns, "board_belief", "/belief/pose", belief.position, orientation)
+        views = _body(belief.stamp_ns, "board_belief", "/belief/pose", belief.position, orientation)
+        return [*views, *self._box(belief.stamp_ns, "board_belief")]
 
     def _detection(self, seen: m.Detection) -> list[View]:
-        if not seen.found:
-            return []
-        return [("/detection/pose", _pose(seen.stamp_ns, seen.position, seen.orientation))]
+        views = [("/detection/pose", _pose(seen.stamp_ns, seen.position, seen.orientation))] if seen.found else []
+        scale = self._scales.get(seen.stamp_ns)
+        return views if scale is None else [*views, ("/camera/annotations", _outlines(seen, scale))]
 
     def _event(self, event: m.Event) -> list[View]:
         log = Log(level=_LEVELS.get(event.severity, Log.UNKNOWN), message=event.text, name=event.source)
@@ -163,6 +174,9 @@ class FoxgloveView:
         view = CompressedImage(frame_id="camera", data=jpeg.tobytes(), format="jpeg")
         view.timestamp.FromNanoseconds(image.stamp_ns)
         views = [("/camera/image", view.SerializeToString())]
+        self._scales[image.stamp_ns] = scale
+        if len(self._scales) > _PICTURES_KEPT:
+            del self._scales[next(iter(self._scales))]
         if self._is_due("calibration", image.stamp_ns, 1_000_000_000):
             views.insert(0, ("/camera/calibration", self._calibration(image.stamp_ns, scale)))
         return views
@@ -185,24 +199,33 @@ class FoxgloveView:
         view.timestamp.FromNanoseconds(stamp_ns)
         return view.SerializeToString()
 
-    def _scene(self, stamp_ns: int) -> list[View]:
-        """Board, believed board and vehicle as boxes that ride on their frames; sent once."""
-        if self._scene_sent:
+    def _box(self, stamp_ns: int, frame: str) -> list[View]:
+        """A box that rides on `frame`, sent once, with the frame's first transform: without one it cannot be drawn."""
+        if frame in self._drawn:
             return []
-        self._scene_sent = True
-        scene, side = SceneUpdate(), self.board_size
-        for frame, size, colour in (
-            ("board", (side, side, 0.01), (0.85, 0.85, 0.85, 1.0)),
-            ("board_belief", (side, side, 0.005), (0.2, 0.6, 1.0, 0.5)),
-            ("vehicle", (0.25, 0.25, 0.06), (1.0, 0.5, 0.1, 1.0)),
-        ):
-            entity = scene.entities.add(id=frame, frame_id=frame, frame_locked=True)
-            entity.timestamp.FromNanoseconds(stamp_ns)
-            cube = entity.cubes.add()
-            cube.pose.orientation.w = 1.0
-            cube.size.x, cube.size.y, cube.size.z = size
-            cube.color.r, cube.color.g, cube.color.b, cube.color.a = colour
+        self._drawn.add(frame)
+        thickness, colour = _BOXES[frame]
+        side = 0.25 if frame == "vehicle" else self.board_size
+        scene = SceneUpdate()
+        entity = scene.entities.add(id=frame, frame_id=frame, frame_locked=True)
+        entity.timestamp.FromNanoseconds(stamp_ns)
+        cube = entity.cubes.add()
+        cube.pose.orientation.w = 1.0
+        cube.size.x, cube.size.y, cube.size.z = side, side, thickness
+        cube.color.r, cube.color.g, cube.color.b, cube.color.a = colour
         return [("/scene", scene.SerializeToString())]
+
+
+def _outlines(seen: m.Detection, scale: int) -> bytes:
+    """The tags' corners in the pixels of the sent picture: (0, 0) is the outer corner of its first pixel."""
+    view = ImageAnnotations()
+    for tag in range(len(seen.corners_px) // 8):
+        outline = view.points.add(type=PointsAnnotation.LINE_LOOP, thickness=2.0)
+        outline.timestamp.FromNanoseconds(seen.stamp_ns)
+        outline.outline_color.g = outline.outline_color.a = 1.0
+        for x, y in zip(*(seen.corners_px[8 * tag + axis : 8 * tag + 8 : 2] for axis in (0, 1)), strict=True):
+            outline.points.add(x=(x + 0.5) / scale, y=(y + 0.5) / scale)
+    return view.SerializeToString()
 
 
 def _body(stamp_ns: int, frame: str, topic: str, position: m.Vec3, orientation: m.Quat) -> list[View]:

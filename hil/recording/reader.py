@@ -1,41 +1,29 @@
 """Reads a recording back, also one whose writer was killed or whose bytes were damaged.
 
-The file is read from front to back, record by record: the index at its end is what a killed run does not have. What
-was flushed comes back; what is missing is said in `Recording.faults`.
+Every block that is intact comes back. `Recording.faults` says what is damaged, `Recording.missing` what that costs in
+messages, seconds and topics.
 """
 
 from __future__ import annotations
 
 import heapq
-import io
 import struct
-import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-import lz4.frame
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, Metadata, Schema
+from mcap.records import Channel
 
 from hil.contract.codec import CodecError, codec
 from hil.contract.topics import TOPICS
-from hil.recording.mcap_writer import LIBRARY, MAGIC
+from hil.recording.mcap_records import HEAD, Chunk
+from hil.recording.mcap_scan import scan
+from hil.recording.mcap_writer import MAGIC
 from hil.recording.recorder import PICTURES, PREFIX
 
-_HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
-_CHUNK = struct.Struct("<QQQII")
-_RECORDS: dict[int, Any] = {
-    Opcode.HEADER: Header,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.METADATA: Metadata,
-}
 
 
 class ReadError(ValueError):
@@ -59,13 +47,29 @@ class Entry(NamedTuple):
     message: Any
 
 
-@dataclass(frozen=True, slots=True)
-class _Chunk:
-    offset: int  # of the compressed data in the file
-    size: int
-    compression: str
-    uncompressed_size: int
-    crc: int
+class Packed(NamedTuple):
+    """Messages of one topic: message i is `data[offsets[i]:offsets[i + 1]]`, published at `log_ns[i]`.
+
+    `published_ns` also has those that were not kept.
+    """
+
+    published_ns: array[int]
+    log_ns: array[int]
+    data: bytearray
+    offsets: array[int]
+
+
+class Missing(NamedTuple):
+    """Messages that the writer numbered and that cannot be read: between two times of publication (ns)."""
+
+    topic: str
+    messages: int
+    start_ns: int
+    end_ns: int
+
+    def __str__(self) -> str:
+        span = f"{self.start_ns / 1e9:.2f} and {self.end_ns / 1e9:.2f} s"
+        return f"{self.topic.removeprefix(PREFIX)}: {self.messages} messages are missing between {span}"
 
 
 class Recording:
@@ -79,19 +83,20 @@ class Recording:
     def __init__(self, path: Path | str) -> None:
         path = Path(path)
         self.path = path / "run.mcap" if path.is_dir() else path
-        self.complete = False
-        self.faults: list[str] = []
-        self.metadata: dict[str, dict[str, str]] = {}
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._chunks: list[_Chunk] = []
         self._bad_chunks: set[int] = set()
-        self._ours = False
         try:
             with self.path.open("rb") as file:
-                self._scan(file, self.path.stat().st_size)
+                size = self.path.stat().st_size
+                if size == 0:
+                    raise ReadError(f"{self.path}: is empty: the run ended before anything was written")
+                if file.read(len(MAGIC)) != MAGIC:
+                    raise ReadError(f"{self.path}: is no MCAP recording (its first bytes are others)")
+                found = scan(file, size)
         except OSError as error:
             raise ReadError(f"{self.path}: cannot be read: {error.strerror}") from None
+        self.complete, self.faults, self.metadata = found.complete, found.faults, found.metadata
+        self._schemas, self._channels, self._chunks = found.schemas, found.channels, found.chunks
+        self._ours, self._statistics = found.ours, found.statistics
         self.topics = {c.topic: self._schema_name(c) for c in self._channels.values()}
         if not any(topic.startswith(PREFIX) for topic in self.topics):
             found = ", ".join(sorted(self.topics)[:5]) or "none"
@@ -120,10 +125,44 @@ class Recording:
         if not self._ours:  # rewritten by another tool: no promise about chunks
             return iter(sorted(self._lane(self._chunks, ids), key=lambda raw: raw.log_ns))
         # small messages and pictures lie in separate chunks that overlap in time: read each lane by itself, then merge
-        lanes = [[c for c in self._chunks if c.compression]]
-        if any(self._channels[i].topic.endswith(PICTURES) for i in ids):
+        lanes = []
+        pictures = {i for i in ids if self._channels[i].topic.endswith(PICTURES)}
+        if ids - pictures:
+            lanes.append([c for c in self._chunks if c.compression])
+        if pictures:
             lanes.append([c for c in self._chunks if not c.compression])
+        if len(lanes) == 1:
+            return self._lane(lanes[0], ids)  # a merge of one lane costs as much as reading it
         return heapq.merge(*(self._lane(chunks, ids) for chunks in lanes), key=lambda raw: raw.log_ns)
+
+    @property
+    def end_ns(self) -> int | None:
+        """When the last message was published, None without an intact index."""
+        return self._statistics.message_end_time if self._statistics else None
+
+    def packed(self, topics: Iterable[str], *, spacing_ns: Mapping[str, int], until_ns: int) -> dict[str, Packed]:
+        """The messages of the file's `topics` that have any, in the order of publication.
+
+        Before `until_ns`, of a topic in `spacing_ns` only the first in each interval of that length is kept.
+        """
+        packed = {topic: Packed(array("q"), array("q"), bytearray(), array("q", [0])) for topic in topics}
+        slots = dict.fromkeys(spacing_ns, -1)
+        for log_ns, topic, _, data in self.raw(packed):
+            one = packed[topic]
+            one.published_ns.append(log_ns)
+            if log_ns < until_ns and topic in slots:
+                slot = log_ns // spacing_ns[topic]
+                if slot == slots[topic]:
+                    continue
+                slots[topic] = slot
+            one.log_ns.append(log_ns)
+            one.data.extend(data)
+            one.offsets.append(len(one.data))
+        return {topic: one for topic, one in packed.items() if one.log_ns}
+
+    def note(self, fault: str) -> None:
+        """Add what a reader of the messages found to be damaged."""
+        self._fault(fault)
 
     def counts(self) -> dict[str, int]:
         """How many messages of each topic can be read. Reads the whole file."""
@@ -132,26 +171,45 @@ class Recording:
             counts[raw.topic] += 1
         return counts
 
-    def _lane(self, chunks: list[_Chunk], ids: set[int]) -> Iterator[Raw]:
+    def missing(self) -> list[Missing]:
+        """What the writer's counting says is not there, a line for each gap of a topic. Reads the whole file.
+
+        What a killed run had not written yet is in no count.
+        """
+        if not self._ours:
+            return []
+        gaps: list[Missing] = []
+        last: dict[str, tuple[int, int]] = {}  # topic -> number and time of its newest message
+        start_ns = self._statistics.message_start_time if self._statistics else 0
+        for raw in self.raw():
+            number, before_ns = last.get(raw.topic, (-1, start_ns))
+            if raw.sequence > number + 1:
+                gaps.append(Missing(raw.topic, raw.sequence - number - 1, before_ns, raw.log_ns))
+            last[raw.topic] = (raw.sequence, raw.log_ns)
+        if self._statistics:
+            for channel, count in self._statistics.channel_message_counts.items():
+                topic = self._channels[channel].topic if channel in self._channels else f"number {channel}"
+                number, before_ns = last.get(topic, (-1, start_ns))
+                if count > number + 1:
+                    gaps.append(Missing(topic, count - number - 1, before_ns, self._statistics.message_end_time))
+        return gaps
+
+    def _lane(self, chunks: list[Chunk], ids: set[int]) -> Iterator[Raw]:
         with self.path.open("rb") as file:
             for chunk in chunks:
                 yield from self._chunk(file, chunk, ids)
 
-    def _chunk(self, file: IO[bytes], chunk: _Chunk, ids: set[int]) -> Iterator[Raw]:
+    def _chunk(self, file: IO[bytes], chunk: Chunk, ids: set[int]) -> Iterator[Raw]:
         file.seek(chunk.offset)
-        data = file.read(chunk.size)
         try:
-            data = _decompress(chunk, data)
-        except (ValueError, RuntimeError, zstandard.ZstdError, MemoryError) as error:
+            data = chunk.unpack(file.read(chunk.size))
+        except ValueError as error:
             self._bad_chunk(chunk, str(error))
             return
-        if chunk.crc and zlib.crc32(data) != chunk.crc:
-            self._bad_chunk(chunk, "its checksum does not match")
-            return
         at = 0
-        while at + _HEAD.size <= len(data):
-            opcode, length = _HEAD.unpack_from(data, at)
-            at += _HEAD.size
+        while at + HEAD.size <= len(data):
+            opcode, length = HEAD.unpack_from(data, at)
+            at += HEAD.size
             if at + length > len(data):
                 self._bad_chunk(chunk, "it ends within a message")
                 return
@@ -159,9 +217,11 @@ class Recording:
                 channel, sequence, log_ns, _ = _MESSAGE.unpack_from(data, at)
                 if channel in ids:
                     yield Raw(log_ns, self._channels[channel].topic, sequence, data[at + _MESSAGE.size : at + length])
+                elif channel not in self._channels:
+                    self._fault(f"messages of a topic that is not described (number {channel}) were left out")
             at += length
 
-    def _bad_chunk(self, chunk: _Chunk, why: str) -> None:
+    def _bad_chunk(self, chunk: Chunk, why: str) -> None:
         if chunk.offset not in self._bad_chunks:
             self._bad_chunks.add(chunk.offset)
             self._fault(f"a block of {chunk.size} bytes at byte {chunk.offset} is damaged and was left out: {why}")
@@ -173,63 +233,3 @@ class Recording:
     def _schema_name(self, channel: Channel) -> str:
         schema = self._schemas.get(channel.schema_id)
         return schema.name if schema else ""
-
-    def _scan(self, file: IO[bytes], size: int) -> None:
-        if size == 0:
-            raise ReadError(f"{self.path}: is empty: the run ended before anything was written")
-        if file.read(len(MAGIC)) != MAGIC:
-            raise ReadError(f"{self.path}: is no MCAP recording (its first bytes are others)")
-        while True:
-            start = file.tell()
-            head = file.read(_HEAD.size)
-            if len(head) < _HEAD.size:
-                if self.complete:
-                    return
-                self._fault(f"not finished: it stops at byte {start}, without the closing record")
-                return
-            opcode, length = _HEAD.unpack(head)
-            if opcode == Opcode.FOOTER and self.complete:
-                return
-            if start + _HEAD.size + length > size:
-                if self.complete:  # the index is damaged, which this reader does not need
-                    return
-                self._fault(f"cut off or damaged at byte {start}: the record there should go on for {length} bytes")
-                return
-            if opcode == Opcode.DATA_END:
-                self.complete = True  # other tools list their channels only in chunks and in the index that follows
-            try:
-                self._record(file, opcode, length, start + _HEAD.size)
-            except (McapError, struct.error, ValueError) as error:
-                self._fault(f"the record at byte {start} is damaged and was left out: {error}")
-            file.seek(start + _HEAD.size + length)
-
-    def _record(self, file: IO[bytes], opcode: int, length: int, start: int) -> None:
-        if opcode == Opcode.CHUNK:
-            *_, uncompressed, crc, name_length = _CHUNK.unpack(file.read(_CHUNK.size))
-            compression = file.read(min(name_length, 16)).decode("ascii")
-            (stored,) = struct.unpack("<Q", file.read(8))
-            if _CHUNK.size + name_length + 8 + stored != length:
-                raise ValueError("its lengths contradict each other")
-            if compression not in ("", "lz4", "zstd"):
-                raise ValueError(f"its compression {compression!r} is unknown")
-            self._chunks.append(_Chunk(start + length - stored, stored, compression, uncompressed, crc))
-        elif opcode in _RECORDS:
-            record = _RECORDS[opcode].read(ReadDataStream(io.BytesIO(file.read(length))))
-            if isinstance(record, Schema):
-                self._schemas.setdefault(record.id, record)
-            elif isinstance(record, Channel):
-                self._channels.setdefault(record.id, record)
-            elif isinstance(record, Metadata):
-                self.metadata[record.name] = record.metadata
-            elif isinstance(record, Header):
-                self._ours = record.library == LIBRARY
-        elif opcode == Opcode.MESSAGE:
-            self._fault("messages outside of chunks were left out: our recordings have none")
-
-
-def _decompress(chunk: _Chunk, data: bytes) -> bytes:
-    if chunk.compression == "zstd":
-        return zstandard.decompress(data, chunk.uncompressed_size)
-    if chunk.compression == "lz4":
-        return lz4.frame.decompress(data)
-    return data

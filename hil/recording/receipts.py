@@ -54,7 +54,7 @@ class ReceiptBook:
         self._writer.close()
 
 
-class Receipted:
+class Receipted(Node):
     """A node that leaves receipts, for a host that delivers every message in order (lockstep): it only has to count."""
 
     def __init__(self, node: Node, book: ReceiptBook) -> None:

@@ -26,7 +26,7 @@ class Recovery:
     run: Path
     messages: int
     seconds: float  # of log time, first to last message
-    faults: tuple[str, ...]
+    faults: tuple[str, ...]  # what was damaged, then what is missing, in seconds and topics
     original: Path | None
 
 
@@ -54,7 +54,8 @@ def recover(path: Path, now: datetime) -> Recovery:
     if writer:
         raise RecoverError(f"{run.recording}: process {writer} has it open: wait for the run to end, or stop it")
     before = source.counts()
-    if source.complete and not source.faults:
+    lost = source.missing()
+    if source.complete and not source.faults and not lost:
         return Recovery(run.path, sum(before.values()), 0.0, (), None)
     if not sum(before.values()):
         raise RecoverError(f"{run.recording}: not one message in it can be read: {'; '.join(source.faults[:2])}")
@@ -72,7 +73,7 @@ def recover(path: Path, now: datetime) -> Recovery:
         raise RecoverError(f"{run.path}: cannot be repaired: {error.strerror}") from None
     finally:
         scratch.unlink(missing_ok=True)
-    faults = tuple(source.faults)
+    faults = (*source.faults, *map(str, lost))
     _note(run, now, faults, sum(before.values()), original)
     return Recovery(run.path, sum(before.values()), seconds, faults, original)
 

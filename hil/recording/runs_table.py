@@ -13,9 +13,12 @@ from rich.table import Table
 from rich.text import Text
 
 from hil.recording.runs import Run, RunError, list_runs
+from hil.scoring.verdict import ATTACHED, INCOMPLETE, MISSED, PERCHED, verdict_word
 from kernel.toml_errors import nearest
 
-VERDICTS = ("perched", "attached", "missed", "incomplete", "none", "damaged")
+VERDICTS = (PERCHED, ATTACHED, MISSED, INCOMPLETE, "none", "damaged")
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings that spreadsheets take for a formula
 
 
 class TableError(RuntimeError):
@@ -24,8 +27,10 @@ class TableError(RuntimeError):
 
 @dataclass(frozen=True)
 class Row:
-    """One run. `verdict`: perched (within tolerance), attached (not within), missed, incomplete, none (no score),
-    damaged (its files cannot be read). Errors in m, deg, m/s as in the paper's row; None where there was no contact."""
+    """One run. `verdict`: a word of `hil.scoring.verdict`, none (no score), or damaged (its files cannot be read).
+
+    Errors in m, deg, m/s as in the paper's row; None where there was no contact.
+    """
 
     run: str
     started_utc: str = ""
@@ -63,12 +68,15 @@ def select(
     policy: str | None = None,
     verdict: str | None = None,
 ) -> list[Row]:
-    """The rows that fit all given filters. `policy` also takes the beginning of a sha256.
+    """The rows that fit all given filters.
 
-    Raises ValueError for a verdict there is none of.
+    `policy` also takes the beginning of a sha256, `verdict` the first word ("attached"). Raises ValueError for an
+    unknown verdict.
     """
-    if verdict is not None and verdict not in VERDICTS:
-        raise ValueError(f'no verdict "{verdict}"{nearest(verdict, VERDICTS)} Allowed: {", ".join(VERDICTS)}')
+    allowed = {word.partition(",")[0]: word for word in VERDICTS}
+    if verdict is not None and verdict not in (*allowed, *VERDICTS):
+        raise ValueError(f'no verdict "{verdict}"{nearest(verdict, tuple(allowed))} Allowed: {", ".join(allowed)}')
+    verdict = allowed.get(verdict or "", verdict)
     wanted_scenario = scenario.lower().replace("_", "-") if scenario is not None else None
     return [
         row
@@ -89,13 +97,11 @@ def table(found: Sequence[Row]) -> Table:
         shown.add_column(column, overflow="fold")
     for column in ("m", "deg", "m/s"):
         shown.add_column(column, justify="right")
-    style = {"perched": "green", "damaged": "red", "missed": "red", "attached": "yellow"}
+    style = {PERCHED: "green", "damaged": "red", MISSED: "red", ATTACHED: "yellow"}
     for row in found:
         numbers = ((row.planar_m, 3), (row.normal_alignment_deg, 1), (row.impact_tangential, 2))
         shown.add_row(
-            row.run,
-            *((row.rig,) if rigs else ()),
-            row.policy,
+            *(Text(printable(name)) for name in (row.run, *((row.rig,) if rigs else ()), row.policy)),
             Text(row.verdict, style=style.get(row.verdict, "")),
             *("-" if value is None else f"{value:.{digits}f}" for value, digits in numbers),
         )
@@ -103,12 +109,12 @@ def table(found: Sequence[Row]) -> Table:
 
 
 def write_csv(path: Path, found: Sequence[Row]) -> None:
-    """All columns. Raises TableError."""
+    """All columns; a text that a spreadsheet would take for a formula gets a ' in front. Raises TableError."""
     try:
         with path.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, [field.name for field in fields(Row)])
             writer.writeheader()
-            writer.writerows(asdict(row) for row in found)
+            writer.writerows({name: _cell(value) for name, value in asdict(row).items()} for row in found)
     except OSError as error:
         raise TableError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -129,6 +135,15 @@ def write_parquet(path: Path, found: Sequence[Row]) -> None:
         parquet.write_table(pa.Table.from_pylist([asdict(row) for row in found], schema=schema), str(path))
     except OSError as error:
         raise TableError(f"{path}: cannot be written: {error}") from None
+
+
+def printable(text: str) -> str:
+    """`text` with what is not printable as an escape: a name from elsewhere must not steer the terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def _cell(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
 
 
 def _row(run: Run) -> Row:
@@ -153,7 +168,7 @@ def _read(run: Run, manifest: dict[str, Any], score: dict[str, Any] | None) -> R
         seed=manifest.get("seed"),
         host=manifest.get("host", ""),
         state=manifest["state"],
-        verdict=_verdict(score),
+        verdict=_verdict(score, manifest["state"]),
         reasons="; ".join((score or {}).get("reasons", ())),
         planar_m=metrics.get("planar"),
         normal_alignment_deg=metrics.get("normal_alignment_deg"),
@@ -167,11 +182,9 @@ def _read(run: Run, manifest: dict[str, Any], score: dict[str, Any] | None) -> R
     )
 
 
-def _verdict(score: dict[str, Any] | None) -> str:
+def _verdict(score: dict[str, Any] | None, state: str) -> str:
     if score is None:
         return "none"
-    if score["within_tolerance"]:
-        return "perched"
-    if score["attached"]:
-        return "attached"
-    return "incomplete" if score["outcome"] == "incomplete" else "missed"
+    return verdict_word(
+        attached=score["attached"], within_tolerance=score["within_tolerance"], outcome=score["outcome"], state=state
+    )

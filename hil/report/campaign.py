@@ -19,11 +19,13 @@ from hil.report.page import asset, template
 from hil.report.sections.paper_row import number, yes
 from hil.report.verdict import WHY
 from hil.scoring.binomial import interval
+from hil.scoring.verdict import ATTACHED, PERCHED
 from kernel.toml_errors import ConfigError
 from scenarios.paper import RealRow, SimulatedRow, published
 from scenarios.spec import Tolerance
 
 CONFIDENCE = 0.95
+_COLOURS = {PERCHED: "#12805c", ATTACHED: "#a85b00"}
 _MEDIANS = (  # metric, digits
     ("planar", 3), ("normal_alignment_deg", 2), ("impact_tangential", 2), ("impact_normal", 2), ("duration", 2),
 )  # fmt: skip
@@ -64,7 +66,9 @@ def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "") -> 
 def _summary(groups: dict[Group, list[Line]]) -> Markup:
     rows: list[tuple[object, ...]] = []
     for about, group in groups.items():
-        rates = [_rate(sum(line.score[key] for line in group), len(group)) for key in ("within_tolerance", "attached")]
+        counts = [sum(line.verdict == PERCHED for line in group)]
+        counts += [sum(bool(line.score[key]) for line in group) for key in ("within_tolerance", "attached")]
+        rates = [_rate(count, len(group)) for count in counts]
         medians = [number(_median([line.score["metrics"][key] for line in group]), digits) for key, digits in _MEDIANS]
         tag = Markup(' <span class="tag">{}</span>').format(
             about.identity if about.camera == "unknown" else f"{about.identity}, {about.camera}"
@@ -72,8 +76,8 @@ def _summary(groups: dict[Group, list[Line]]) -> Markup:
         link = Markup('<a href="#{}">{}</a>').format(about.ident, about.scenario) + tag
         rows.append((link, about.policy, *rates, *medians))
     head = (
-        "scenario", "policy", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s", "impact m/s",
-        "time s",
+        "scenario", "policy", "perched", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s",
+        "impact m/s", "time s",
     )  # fmt: skip
     return table(head, rows, "campaign")
 
@@ -90,13 +94,8 @@ def _rate(successes: int, runs: int) -> Markup:
 def _group(about: Group, group: list[Line]) -> dict[str, Any]:
     title = nested(group[0].manifest, "scenario").get("title", about.scenario)
     words = {"sim": "simulated", "real": "real vehicle"}.get(about.identity, about.identity)
-    reasons = Counter(
-        "perched within tolerance"
-        if line.score["within_tolerance"]
-        else "; ".join(WHY.get(r) or str(r) for r in line.score["reasons"])
-        for line in group
-    )
-    rows = [(text or "no reason given", count) for text, count in reasons.most_common()]
+    reasons = Counter(line.verdict + "".join(f"; {WHY.get(r) or r}" for r in line.score["reasons"]) for line in group)
+    rows = [(text, count) for text, count in reasons.most_common()]
     return {
         "name": about.ident,
         "title": f"{title} ({words}, {about.policy})",
@@ -118,7 +117,7 @@ def _scatter(group: list[Line]) -> Markup:
     for line in group:
         m = line.score["metrics"]
         if m["x"] is not None and math.isfinite(m["x"]) and math.isfinite(m["y"]):
-            colour = "#12805c" if line.score["within_tolerance"] else "#a85b00" if line.score["attached"] else "#c4262e"
+            colour = _COLOURS.get(line.verdict, "#c4262e")
             plane.dot(-m["y"], m["x"], 4, f"fill:{colour};fill-opacity:.75;stroke:#fff", tip=line.name)
     return plane.svg()
 
@@ -149,6 +148,7 @@ def _runs(group: list[Line]) -> Markup:
         rows.append(
             (
                 Markup('<span title="{}">{}</span>').format(line.name, line.manifest.get("seed", "–")),
+                line.verdict,
                 yes(line.score["within_tolerance"]),
                 yes(line.score["attached"]),
                 number(m["planar"], 3),
@@ -162,8 +162,8 @@ def _runs(group: list[Line]) -> Markup:
             )
         )
     head = (
-        "seed", "within", "attached", "planar m", "normal deg", "tangential m/s", "impact m/s", "time s",
-        "blind s", "why not", "run",
+        "seed", "verdict", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s", "impact m/s",
+        "time s", "blind s", "why not", "run",
     )  # fmt: skip
     return table(head, rows, "runs")
 

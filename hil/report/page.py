@@ -75,6 +75,8 @@ def _head(recorded: Recorded) -> dict[str, Any]:
     faults = list(recorded.recording.faults)
     if not recorded.recording.complete and not faults:
         faults.append("the writer did not finish it")
+    if faults:
+        faults += [str(gap) for gap in recorded.recording.missing()]
     return {
         "name": recorded.name,
         "title": scenario.title if scenario else recorded.name,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from hil.report.recorded.flight import Recorded
 from hil.report.sections.paper_row import number
+from hil.scoring.verdict import ATTACHED, INCOMPLETE, MISSED, PERCHED, verdict_word
 
 WHY = {
     "ground": "it came too low",
@@ -17,6 +18,13 @@ WHY = {
     "tangential_speed": "it touched while sliding too fast along the board",
     "alignment": "it touched at too large an angle to the board's normal",
     "not_finite": "its pose was lost",
+}
+
+_HEADLINES = {
+    PERCHED: ("good", "Perched"),
+    ATTACHED: ("warn", "Attached, outside tolerance"),
+    MISSED: ("bad", "Missed"),
+    INCOMPLETE: ("unknown", "No verdict"),
 }
 
 
@@ -40,22 +48,21 @@ class Verdict:
 
 
 def verdict(recorded: Recorded) -> Verdict:
-    """What the referee said, as a crew reads it."""
+    """The referee's verdict as the page's headline."""
     score = recorded.verdict
     source = "from score.json" if recorded.score else "scored from the recording" if score else ""
     if score is None:
         return _bare(recorded)
     reasons = "; ".join(WHY.get(r) or str(r) for r in score["reasons"])
-    if score["within_tolerance"] and score["attached"]:
-        css, headline = "good", "Perched within tolerance"
-    elif score["within_tolerance"]:
-        css, headline = "warn", "Within tolerance, but the magnet did not hold"
-    elif score["attached"]:
-        css, headline = "warn", "Attached, but outside tolerance"
-    elif score["outcome"] == "incomplete":
-        css, headline = "unknown", "No verdict"
-    else:
-        css, headline = "bad", "Not perched"
+    word = verdict_word(
+        attached=score["attached"], within_tolerance=score["within_tolerance"], outcome=score["outcome"],
+        state=str(recorded.manifest.get("state", "finished")),
+    )  # fmt: skip
+    css, headline = _HEADLINES[word]
+    if word == MISSED and score["within_tolerance"]:
+        headline += ": within tolerance, but not attached"
+    if word == INCOMPLETE and score["outcome"] != INCOMPLETE:
+        headline = f"Not counted: the run's state is {recorded.manifest['state']}"
     metrics, limits = score["metrics"], recorded.tolerance
     tiles = (
         _tile("from the centre", metrics["planar"], 3, "m", limits.distance),
@@ -76,10 +83,12 @@ def _bare(recorded: Recorded) -> Verdict:
             "unknown", "No verdict", "neither a score nor the referee's decision is in this recording", (), ""
         )
     m = decided[0]
-    css = "good" if m.within_tolerance and m.attached else "warn" if m.attached else "bad"
-    words = "Perched" if m.attached else "Not perched"
-    words += ", within tolerance" if m.within_tolerance else ", outside tolerance"
-    return Verdict(css, words, WHY.get(m.reason, str(m.reason)), (), "from the referee's message; tolerances unknown")
+    css, headline = _HEADLINES[
+        verdict_word(attached=m.attached, within_tolerance=m.within_tolerance, outcome=m.outcome)
+    ]
+    return Verdict(
+        css, headline, WHY.get(m.reason, str(m.reason)), (), "from the referee's message; tolerances unknown"
+    )
 
 
 def _tile(name: str, value: float | None, digits: int, unit: str, limit: float | None = None) -> Tile:

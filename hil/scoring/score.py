@@ -12,10 +12,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from hil.contract.messages import BoardState, Contact, Detection, Sent, Stage
+from hil.scoring.verdict import verdict_word
 from policies.task.contact import GROUND, INVALID, REASONS, TIMEOUT, WORKSPACE
 from scenarios.spec import Scenario
 
 _SELDOM = 0.1  # share of pictures that show the board below which a drone that never touches could not know better
+SCORED = ("run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent")
 _NO_CONTACT = {REASONS[i] for i in (GROUND, WORKSPACE, TIMEOUT, INVALID)}
 
 
@@ -56,6 +58,11 @@ class Score:
     outcome: str  # success, fail, or incomplete if the run ended before the referee decided
     reasons: tuple[str, ...]
     metrics: Metrics
+
+    @property
+    def verdict(self) -> str:
+        """One word of `hil.scoring.verdict`."""
+        return verdict_word(attached=self.attached, within_tolerance=self.within_tolerance, outcome=self.outcome)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain tables for JSON."""

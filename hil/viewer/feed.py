@@ -17,7 +17,8 @@ from typing import Any
 
 from hil.contract.codec import CodecError, codec
 from hil.contract.topics import TOPICS
-from hil.viewer.stream import ViewStream, blueprint
+from hil.viewer import scene
+from hil.viewer.stream import TABS, ViewStream
 from hil.viewer.tap import PICTURES, SHOWN_NS, FeedSpec, Thinner, reduced
 from hil.viewer.view import APPLICATION, rerun
 from vehicle.camera.pinhole import Camera
@@ -80,10 +81,11 @@ def feed(spec: FeedSpec) -> int:
     signal.signal(signal.SIGTERM, lambda *_: stopped.append(True))
     sdk, shown = rerun(), 0
     stream = sdk.RecordingStream(APPLICATION)
+    layout = scene.layout(scene.RUN, {name: [(p.key, p.title) for p in plots] for name, plots in TABS.items()})
     if spec.sink.endswith(".rrd"):
-        stream.save(spec.sink, default_blueprint=blueprint())
+        stream.save(spec.sink, default_blueprint=layout)
     else:
-        stream.connect_grpc(spec.sink, default_blueprint=blueprint())
+        stream.connect_grpc(spec.sink, default_blueprint=layout)
     with stream:
         stream.send_recording_name(spec.name)
         camera = Camera(offset=spec.camera_offset, tilt=spec.camera_tilt)

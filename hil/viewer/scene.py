@@ -1,4 +1,4 @@
-"""What never changes in the viewer: shapes, colours, lens and lay-out, for a recording and for a run under way.
+"""What never changes in the viewer: shapes, colours, lens and layout, for a finished run and for a run under way.
 
 World ENU; `world/vehicle/camera` is the pinhole with the pictures. Needs the optional Rerun SDK.
 """
@@ -16,6 +16,7 @@ from hil.report.drawing.charts import SEEN, VEHICLE
 
 WORLD, BODY, BOARD_AT, BELIEF_AT = "world", "world/vehicle", "world/board", "world/belief"
 CAMERA, PLOTS, EVENTS = "world/vehicle/camera", "plots", "events"
+ATTEMPT, RUN = "attempt", "run"  # timelines: seconds from the attempt's start, and of the run's clock
 LEVELS = {"error": "ERROR", "trip": "ERROR", "warning": "WARN"}
 
 
@@ -24,13 +25,8 @@ def rgb(colour: str) -> list[int]:
     return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
 
 
-def xyzw(orientation: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) w, x, y, z in Rerun's order."""
-    return orientation[:, [1, 2, 3, 0]]
-
-
 def layout(timeline: str, tabs: Mapping[str, Sequence[tuple[str, str]]]) -> rrb.Blueprint:
-    """Made for perching: scene beside picture and log, series under them. `tabs`: name -> (key, title) of its plots."""
+    """Scene beside picture and log, plots under them. `tabs`: name -> (key, title) of its plots."""
     grids = []
     for name, plots in tabs.items():
         views = [rrb.TimeSeriesView(origin=f"{PLOTS}/{key}", name=title) for key, title in plots]

@@ -28,7 +28,7 @@ _MS = 1_000_000
 SHOWN_NS: dict[str, int] = {
     "truth/vehicle": 40 * _MS, "mocap/vehicle": 40 * _MS, "vehicle/odometry": 40 * _MS, "truth/board": 40 * _MS,
     "mocap/board": 40 * _MS, "belief": 40 * _MS, "policy/action": 40 * _MS, "vehicle/sent": 40 * _MS,
-    "run/stage": 100 * _MS, PICTURES: 100 * _MS, "board/detection": 0, "event": 0,
+    "run/stage": 100 * _MS, "referee/contact": 100 * _MS, PICTURES: 100 * _MS, "board/detection": 0, "event": 0,
 }  # fmt: skip
 _NICE = 10
 _BUFFER = 1 << 20

@@ -124,7 +124,7 @@ def free_port() -> int:
 
 
 def _write(sdk: ModuleType, recorded: Recorded, path: Path) -> None:
-    from hil.viewer.log import blueprint, log_run
+    from hil.viewer.finished import blueprint, log_run
 
     with sdk.RecordingStream(APPLICATION, recording_id=recorded.name) as stream:
         stream.save(path, default_blueprint=blueprint(recorded))

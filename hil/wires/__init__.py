@@ -2,4 +2,4 @@
 
 
 class WireError(RuntimeError):
-    """A wire could not be opened; the text says which, why, and how to mend it."""
+    """A wire could not be opened; the text says which, why, and the remedy."""

@@ -1,6 +1,6 @@
-"""What carries pictures: the newest one, with its age, from a device that a thread reads, or from a recording.
+"""Camera wires: the newest picture with its age, from a device that a thread reads, or from a recording.
 
-A camera's exposure is known from the driver's time stamp where it gives one, else from the arrival less a stated delay.
+A camera's exposure is known from the driver's time stamp if there is one, else from the arrival less a set delay.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 
 from hil.wires import WireError
 
-SILENCE_NS = 1_000_000_000  # without a picture for so long a device counts as gone
-_OLDEST_STAMP_NS = 500_000_000  # a driver's stamp further back than this is of another clock
+SILENCE_NS = 1_000_000_000  # a device without a picture for this time is lost
+_OLDEST_STAMP_NS = 500_000_000  # an older stamp of a driver is of another clock
 
 
 class Mode(NamedTuple):
@@ -38,8 +38,15 @@ class Picture(NamedTuple):
     sequence: int
 
 
+class Damaged(NamedTuple):
+    """A picture that came and could not be decoded, with the reason."""
+
+    why: str
+
+
 class CameraWire(Protocol):
-    """A camera. `lost` is empty, or says why no more pictures come; `dropped` counts pictures that nobody took."""
+    """A camera. `lost`: empty, or why no more pictures come; `dropped`: pictures that were replaced untaken;
+    `damaged`: pictures that could not be decoded."""
 
     mode: Mode
     source: str
@@ -48,6 +55,8 @@ class CameraWire(Protocol):
     def lost(self) -> str: ...
     @property
     def dropped(self) -> int: ...
+    @property
+    def damaged(self) -> int: ...
 
     def take(self, now_ns: int, /) -> Picture | None:
         """The newest picture that was not taken yet, or None. Never blocks, never raises."""
@@ -57,12 +66,12 @@ class CameraWire(Protocol):
 
 
 class Capture(Protocol):
-    """A device as its library gives it: `read` blocks until the next picture, and gives None once there is none.
+    """A device as its library gives it: `read` blocks until the next picture, and gives None once the device is gone.
 
-    The number is the driver's time stamp on the monotonic clock (ns), or None. `trouble` is the device's last word.
+    The number is the driver's time stamp on the monotonic clock (ns), or None. `trouble`: the device's last error.
     """
 
-    def read(self) -> tuple[np.ndarray, int | None] | None: ...
+    def read(self) -> tuple[np.ndarray, int | None] | Damaged | None: ...
 
     @property
     def trouble(self) -> str: ...
@@ -95,9 +104,9 @@ class NewestPicture:
         self._delay_ns, self._offset_ns = arrival_delay_ns, stamp_offset_ns
         self._lock = threading.Lock()
         self._newest: tuple[int, np.ndarray, int] | None = None
-        self._count = self._dropped = self.unstamped = 0
+        self._count = self._dropped = self._damaged = self.unstamped = 0
         self._lost = ""
-        self._heard_ns = clock()
+        self._last_ns = clock()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name=f"camera {source}", daemon=True)
         self._thread.start()
@@ -105,8 +114,9 @@ class NewestPicture:
     @property
     def lost(self) -> str:
         """Why no more pictures come; empty while they do."""
-        if not self._lost and self._clock() - self._heard_ns > SILENCE_NS and not self._closing:
-            self._lost = f"camera {self.source} is silent: no picture for {SILENCE_NS / 1e9:g} s"
+        if not self._lost and self._clock() - self._last_ns > SILENCE_NS and not self._closing:
+            damaged = f" ({self._damaged} damaged ones came)" if self._damaged else ""
+            self._lost = f"camera {self.source} is silent: no picture for {SILENCE_NS / 1e9:g} s{damaged}"
         return self._lost
 
     @property
@@ -114,8 +124,13 @@ class NewestPicture:
         """Pictures that a newer one replaced before they were taken."""
         return self._dropped
 
+    @property
+    def damaged(self) -> int:
+        """Pictures that could not be decoded: they are left out, and the age limit alone makes the camera lost."""
+        return self._damaged
+
     def take(self, now_ns: int, /) -> Picture | None:
-        """The newest picture not taken yet. `now_ns` is of no interest to a device: it keeps real time."""
+        """The newest picture not taken yet. A device keeps real time and does not use `now_ns`."""
         with self._lock:
             newest, self._newest = self._newest, None
         if newest is None:
@@ -124,25 +139,28 @@ class NewestPicture:
         return Picture(max(0, self._clock() - exposed_ns), pixels, sequence)
 
     def close(self) -> None:
-        """Give the device back; may be called twice."""
+        """Close the device; may be called twice."""
         if not self._closing:
             self._closing = True
             self._capture.stop()
             self._thread.join(2.0)
-            if not self._thread.is_alive():  # a driver that hangs may not have its device taken from under it
+            if not self._thread.is_alive():  # a driver that hangs must keep its device
                 self._capture.close()
 
     def _run(self) -> None:
         while not self._closing:
             try:
                 read = self._capture.read()
-            except Exception as error:  # whatever a driver's library throws: the device is of no use any more
+            except Exception as error:  # any exception of a driver's library: the device cannot be used
                 read, why = None, str(error)
             else:
                 why = self._capture.trouble
             if read is None:
                 self._end(f"camera {self.source} is gone" + (f": {why}" if why else ""))
                 return
+            if isinstance(read, Damaged):
+                self._damaged += 1
+                continue
             pixels, stamp_ns = read
             if pixels.shape != (self.mode.height, self.mode.width):
                 self._end(
@@ -162,7 +180,7 @@ class NewestPicture:
             self._dropped += self._newest is not None
             self._newest = (exposed_ns, pixels, self._count)
             self._count += 1
-            self._heard_ns = now
+            self._last_ns = now
 
     def _end(self, why: str) -> None:
         if not self._closing:
@@ -194,6 +212,22 @@ def wait_for_picture(camera: NewestPicture, limit_s: float = 5.0) -> NewestPictu
         if lost or time.monotonic() > until:
             camera.close()
             raise WireError(lost or f"camera {camera.source} gives no picture for {limit_s:g} s")
-        camera._heard_ns = camera._clock()
+        camera._last_ns = camera._clock()
         time.sleep(0.01)
     return camera
+
+
+def measured_rate(camera: NewestPicture, seconds: float = 1.0) -> float:
+    """Rate (Hz) at which pictures arrive at `camera`, decodable or not, measured over `seconds`; 0 without pictures."""
+    first, began = camera._count + camera._damaged, time.monotonic()
+    at_first = at_last = 0.0
+    seen = first
+    while time.monotonic() - began < seconds:
+        count = camera._count + camera._damaged
+        if count > seen:
+            at_last = time.monotonic()
+            if not at_first:
+                first, at_first = count, at_last
+            seen = count
+        time.sleep(0.001)
+    return (seen - first) / (at_last - at_first) if at_last > at_first else 0.0

@@ -23,7 +23,7 @@ from hil.wires.camera import Mode, NewestPicture, wait_for_picture
 from hil.wires.camera_opencv import OpenCvCapture
 
 PROGRAM = "gst-launch-1.0"
-_PIPE = 1 << 20  # bytes: a picture in one go instead of in sixteen
+_PIPE = 1 << 20  # bytes: a picture in one piece instead of sixteen
 
 
 def opencv_has_gstreamer() -> bool:
@@ -31,7 +31,7 @@ def opencv_has_gstreamer() -> bool:
     return re.search(r"GStreamer:\s*YES", cv2.getBuildInformation()) is not None
 
 
-def way() -> str:
+def backend() -> str:
     """How pipelines are read here: "opencv" or "pipe". Raises WireError if neither is installed."""
     if opencv_has_gstreamer():
         return "opencv"
@@ -49,26 +49,26 @@ class PipeCapture:
     def __init__(self, pipeline: str, mode: Mode) -> None:
         self._shape = (mode.height, mode.width)
         self._size = mode.height * mode.width
-        self._words = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         command = [PROGRAM, "-q", *shlex.split(pipeline), "!", *shlex.split(_caps(mode)), "!", "fdsink", "fd=1"]
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=self._words,
+            stderr=self._errors,
             bufsize=self._size,
         )
 
         assert self._process.stdout is not None
-        with suppress(OSError):  # not every user may
+        with suppress(OSError):  # not every user has the right
             fcntl.fcntl(self._process.stdout, fcntl.F_SETPIPE_SZ, _PIPE)
 
     @property
     def trouble(self) -> str:
         """The last error that GStreamer wrote."""
         with suppress(OSError, ValueError):
-            self._words.seek(0)
-            lines = self._words.read().decode("utf-8", "replace").splitlines()
+            self._errors.seek(0)
+            lines = self._errors.read().decode("utf-8", "replace").splitlines()
             errors = [line for line in lines if "ERROR" in line or "WARNING: erroneous" in line]
             return (errors or lines or [""])[-1].strip()
         return ""
@@ -79,7 +79,7 @@ class PipeCapture:
         data = self._process.stdout.read(self._size)
         if len(data) < self._size:
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(0.5)  # its last words come after its last picture
+                self._process.wait(0.5)  # its errors come after its last picture
             return None
         return np.frombuffer(data, np.uint8).reshape(self._shape), None
 
@@ -96,7 +96,7 @@ class PipeCapture:
         """Close the pipe; comes after `stop`."""
         if self._process.stdout is not None:
             self._process.stdout.close()
-        self._words.close()
+        self._errors.close()
 
 
 def open_gstreamer(
@@ -104,9 +104,9 @@ def open_gstreamer(
 ) -> NewestPicture:
     """The camera at the end of `pipeline`, which is given without a sink. Raises WireError.
 
-    A pipeline that cannot deliver `mode` is refused by GStreamer itself, whose words are quoted.
+    A pipeline that cannot deliver `mode` is refused by GStreamer itself, whose error is quoted.
     """
-    how = way()
+    how = backend()
     if re.search(r"!\s*(app|fd|fake|auto\w*|file)sink", pipeline):
         raise WireError(f'the pipeline "{pipeline}" ends in a sink: leave it out, the program puts its own there')
     source = f"pipeline {pipeline}"

@@ -1,4 +1,4 @@
-"""A camera that plays the pictures of a recorded run back, at the times at which they came."""
+"""A camera that plays back the pictures of a recorded run, at the times at which they came."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class _Recorded(NamedTuple):
 
 
 class RecordedCamera:
-    """Plays from the first `take` on, which stands for the moment at which the recorded car set off.
+    """Plays from the first `take` on, which is taken as the moment at which the recorded car started.
 
     A picture that cannot be decoded is counted in `damaged` and left out.
     """
@@ -72,7 +72,7 @@ class RecordedCamera:
         return Picture(now_ns - newest.stamp_ns - shift, newest.pixels, self._count - 1)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """There is nothing to close."""
 
     @property
     def shift_ns(self) -> int:
@@ -80,7 +80,7 @@ class RecordedCamera:
         return 0 if self._start_ns is None else self._start_ns - self._first_ns
 
     def _lead_ns(self) -> int:
-        """When the recorded run began its lead stage; beyond every time if it does not say."""
+        """When the recorded run began its lead stage; a time after all pictures if that is not recorded."""
         if f"{PREFIX}run/stage" in self._recording.topics:
             for entry in self._recording.messages(["run/stage"]):
                 if entry.message.name != "prepare":
@@ -106,7 +106,7 @@ class RecordedCamera:
 
 
 def _unpacked(data: bytes) -> tuple[int, np.ndarray] | None:
-    """(time stamp, pixels) of a compressed picture; None for what is none."""
+    """(time stamp, pixels) of a compressed picture; None if it cannot be decoded."""
     try:
         view = CompressedImage.FromString(data)
         pixels = cv2.imdecode(np.frombuffer(view.data, np.uint8), cv2.IMREAD_GRAYSCALE)

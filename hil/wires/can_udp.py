@@ -1,4 +1,4 @@
-"""CAN frames over a UDP wire: what stands for the car's bus between two processes of a simulated run.
+"""CAN frames over a UDP wire: the car's bus between two processes of a simulated run.
 
 A datagram is one frame: identifier (2 bytes, big-endian), then its data. No bus arbitration, no acknowledgement.
 """
@@ -10,18 +10,18 @@ from hil.wires.udp import UdpWire
 
 
 class CanOverUdp:
-    """A CAN wire on any UDP wire. `rejected` counts datagrams that are no standard data frame."""
+    """A CAN wire on any UDP wire. `rejected` counts datagrams that are not a standard data frame."""
 
     def __init__(self, wire: UdpWire) -> None:
         self._wire = wire
         self.rejected = 0
 
-    def send(self, frame: CanFrame) -> None:
-        """One frame. Raises ValueError for an id or length that CAN 2.0 does not have."""
+    def send(self, frame: CanFrame) -> bool:
+        """One frame; False if the network refused it. Raises ValueError for what CAN 2.0 does not have."""
         can_id, data = int(frame.can_id), bytes(frame.data)
         if not 0 <= can_id <= 0x7FF or len(data) > 8:
             raise ValueError(f"CAN frame {can_id:#x} with {len(data)} bytes: 11-bit ids and up to 8 bytes only")
-        self._wire.send(can_id.to_bytes(2, "big") + data)
+        return self._wire.send(can_id.to_bytes(2, "big") + data)
 
     def receive(self) -> list[CanFrame]:
         """Frames that have come, oldest first."""
@@ -35,5 +35,5 @@ class CanOverUdp:
         return frames
 
     def close(self) -> None:
-        """Give the port back; may be called twice."""
+        """Close the port; may be called twice."""
         self._wire.close()

@@ -1,7 +1,7 @@
 """Motion capture over VRPN (NOKOV, Vicon, OptiTrack and others stream it), by the package `motioncapture`.
 
-The package looks for new poses every 10 ms and passes no time stamps on: a pose counts from its arrival less a stated
-delay, and is uncertain by those 10 ms.
+The package looks for new poses every 10 ms and passes no time stamps on: a pose's time is its arrival less a configured
+delay, with an uncertainty of those 10 ms.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ def package() -> Any:
 
 
 class VrpnMocap:
-    """Follows `bodies` of one server in a thread of its own; other bodies that it streams are only named."""
+    """Follows `bodies` of one server in a thread of its own; the names of other bodies are kept for error texts."""
 
     def __init__(
         self, server: str, bodies: Sequence[str], delay_ns: int, clock: Callable[[], int] = time.monotonic_ns
     ) -> None:
         """`server`: HOST or HOST:PORT. `delay_ns`: from the pose to its arrival here. Raises WireError.
 
-        A server that does not answer is not noticed here, but in `wait_for_bodies`.
+        A server that does not answer is detected in `wait_for_bodies`, not here.
         """
         self.server = server
         _resolve(server)
@@ -65,8 +65,8 @@ class VrpnMocap:
         self._lock = threading.Lock()
         self._waiting: deque[tuple[str, int, Vec3, Quat]] = deque(maxlen=_WAITING)
         self._last: dict[str, tuple[Vec3, Quat]] = {}
-        self.seen: set[str] = set()
-        self._heard_ns = clock()
+        self.received: set[str] = set()
+        self._last_ns = clock()
         self._trouble = ""
         self._closing = False
         self._thread = threading.Thread(target=self._run, name=f"mocap {server}", daemon=True)
@@ -77,14 +77,14 @@ class VrpnMocap:
         """Why no more poses come; empty while they do."""
         if self._trouble:
             return self._trouble
-        if self._clock() - self._heard_ns > SILENCE_NS:
+        if self._clock() - self._last_ns > SILENCE_NS:
             return f"motion capture at {self.server} is silent: no new pose for {SILENCE_NS / 1e9:g} s"
         return ""
 
     def wait_for_bodies(self, limit_s: float = 6.0) -> VrpnMocap:
-        """Itself, once all bodies were seen. Raises WireError (and closes) if they are not."""
+        """Itself, once all bodies were received. Raises WireError (and closes) if they are not."""
         until = time.monotonic() + limit_s
-        while not self.seen.issuperset(self._bodies):
+        while not self.received.issuperset(self._bodies):
             if time.monotonic() > until or self._trouble:
                 self.close()
                 raise WireError(self._trouble or self._missing(limit_s))
@@ -92,13 +92,13 @@ class VrpnMocap:
         return self
 
     def _missing(self, limit_s: float) -> str:
-        if not self.seen:
+        if not self.received:
             return f"motion capture at {self.server} sends nothing for {limit_s:g} s: is VRPN streaming switched on?"
-        lacking = ", ".join(f'"{b}"' for b in self._bodies if b not in self.seen)
-        return f"motion capture at {self.server} does not know the body {lacking}; it streams {_listed(self.seen)}"
+        lacking = ", ".join(f'"{b}"' for b in self._bodies if b not in self.received)
+        return f"motion capture at {self.server} does not know the body {lacking}; it streams {_listed(self.received)}"
 
     def take(self, now_ns: int, /) -> list[BodyPose]:
-        """Poses that came since the last call, oldest first. `now_ns` is of no interest: this keeps real time."""
+        """Poses that came since the last call, oldest first. It keeps real time and does not use `now_ns`."""
         with self._lock:
             waiting = list(self._waiting)
             self._waiting.clear()
@@ -106,7 +106,7 @@ class VrpnMocap:
         return [BodyPose(body, now - stamp, position, turn) for body, stamp, position, turn in waiting]
 
     def close(self) -> None:
-        """Leave the server; may be called twice."""
+        """Disconnect; may be called twice."""
         if not self._closing:
             self._closing = True
             self._thread.join(2.0)
@@ -116,12 +116,12 @@ class VrpnMocap:
             try:
                 self._client.waitForNextFrame()
                 bodies = self._client.rigidBodies
-            except Exception as error:  # the library throws what it likes
+            except Exception as error:  # any exception of the library
                 self._trouble = f"motion capture at {self.server} is gone: {error}"
                 return
             stamp = self._clock() - self._delay_ns
             for name, body in bodies.items():
-                self.seen.add(name)
+                self.received.add(name)
                 if name in self._bodies:
                     self._keep(name, stamp, body)
 
@@ -134,19 +134,19 @@ class VrpnMocap:
         self._last[name] = pose
         with self._lock:
             self._waiting.append((name, stamp_ns, *pose))
-            self._heard_ns = self._clock()
+            self._last_ns = self._clock()
 
 
 def _resolve(server: str) -> None:
-    """The library goes on with a host that it cannot find, and complains a hundred times a second."""
+    """Checked here, as the library continues with an unknown host and prints an error a hundred times a second."""
     host, _, port = server.partition(":")
-    fault = "" if not port or (port.isdecimal() and 0 < int(port) < 65536) else "that is no port"
+    fault = "" if not port or (port.isdecimal() and 0 < int(port) < 65536) else "that is not a port"
     try:
         socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)
     except OSError as error:
         fault = fault or str(error)
     if fault:
-        raise WireError(f'motion capture at "{server}" is no HOST or HOST:PORT that this machine can find: {fault}')
+        raise WireError(f'motion capture at "{server}" is not a HOST or HOST:PORT that this machine can find: {fault}')
 
 
 def _listed(names: set[str]) -> str:

@@ -1,4 +1,4 @@
-"""A byte wire over a serial port (telemetry radio, USB, UART), straight on the kernel's terminal interface (POSIX)."""
+"""A byte wire over a serial port (telemetry radio, USB, UART), on the kernel's terminal interface (POSIX)."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pathlib import Path
 from hil.wires import WireError
 
 _AT_ONCE = 65536
-BACKLOG = 16384  # bytes waiting to go out before whole items are dropped: a second and a half at 115200 baud
+BACKLOG = 16384  # bytes waiting to be sent before whole items are dropped: 1.5 s at 115200 baud
 
 
 class SerialWire:
-    """One serial port, 8N1, raw, without flow control. A stream: `receive` gives pieces as they came, not whole items.
+    """One serial port, 8N1, raw, without flow control. A stream: `receive` gives pieces as they came.
 
     An item that would not fit into the backlog is dropped whole and counted in `dropped`, so that the other end never
-    sees half a frame. A port that disappears (a pulled plug) sets `lost` to the reason; nothing is raised in flight.
+    receives half a frame. A port that disappears (unplugged) sets `lost` to the reason; nothing is raised in flight.
     """
 
     def __init__(self, device: str | Path, baud: int = 921600) -> None:
@@ -35,14 +35,14 @@ class SerialWire:
         try:
             self._fd = os.open(self._device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
-            raise WireError(_open_trouble(self._device, error)) from None
+            raise WireError(_open_error(self._device, error)) from None
         try:
             fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _make_raw(self._fd, speed)
         except (OSError, termios.error) as error:
             os.close(self._fd)
             self._fd = -1
-            raise WireError(_open_trouble(self._device, error)) from None
+            raise WireError(_open_error(self._device, error)) from None
 
     def send(self, data: bytes) -> None:
         """Queue `data` and write what the port takes now."""
@@ -55,7 +55,7 @@ class SerialWire:
         self._write()
 
     def receive(self) -> list[bytes]:
-        """What has come, in one piece; empty if nothing has."""
+        """Received bytes in one piece; empty if there are none."""
         if self._fd < 0 or self.lost:
             return []
         self._write()
@@ -95,7 +95,7 @@ def _make_raw(fd: int, speed: int) -> None:
     termios.tcflush(fd, termios.TCIOFLUSH)
 
 
-def _open_trouble(device: str, error: OSError | termios.error) -> str:
+def _open_error(device: str, error: OSError | termios.error) -> str:
     number = error.args[0] if error.args else None
     if number == errno.ENOENT:
         there = sorted(str(path) for pattern in ("ttyACM*", "ttyUSB*") for path in Path("/dev").glob(pattern))

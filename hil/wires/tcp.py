@@ -7,18 +7,18 @@ import socket
 
 from hil.wires import WireError
 
-BACKLOG = 65536  # bytes waiting to go out before whole items are dropped
+BACKLOG = 65536  # bytes waiting to be sent before whole items are dropped
 
 
 class TcpWire:
-    """One connection. A lost one sets `lost` to the reason and stays lost: nobody reconnects in flight."""
+    """One connection. A lost one sets `lost` to the reason; there is no reconnection in flight."""
 
     def __init__(self, host: str, port: int, timeout_s: float = 3.0) -> None:
-        """Connect. Raises WireError if nobody answers within `timeout_s`."""
+        """Connect. Raises WireError if there is no answer within `timeout_s`."""
         try:
             self._socket = socket.create_connection((host, port), timeout_s)
         except (OSError, OverflowError) as error:
-            raise WireError(f"nobody answers at TCP {host}:{port} ({error}); is the bridge running there?") from None
+            raise WireError(f"no answer at TCP {host}:{port} ({error}); is the bridge running there?") from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setblocking(False)
         self._name, self._closed, self._out = f"{host}:{port}", False, bytearray()
@@ -35,7 +35,7 @@ class TcpWire:
         self._write()
 
     def receive(self) -> list[bytes]:
-        """What has come, in pieces as they came."""
+        """Received bytes, in pieces as they came."""
         if self._closed or self.lost:
             return []
         self._write()

@@ -1,9 +1,10 @@
-"""A byte wire over UDP. It never blocks and never raises in flight: what cannot be sent or is not for us is counted."""
+"""A byte wire over UDP. It never blocks and raises nothing in flight: failed and refused datagrams are counted."""
 
 from __future__ import annotations
 
 import errno
 import socket
+from collections.abc import Callable
 from typing import Literal
 
 from hil.wires import WireError
@@ -12,67 +13,76 @@ Address = tuple[str, int]
 Partner = Literal["fixed", "first", "last"]
 
 _DATAGRAM = 65536
-_AT_ONCE = 1024  # datagrams taken in one `receive`: a flood may not hold up a control loop
+_AT_ONCE = 1024  # datagrams taken in one `receive`, so that a flood cannot delay a control loop
 
 
 class UdpWire:
     """One UDP socket and one partner.
 
-    `partner` says to whom datagrams go:
-    - "fixed": to `peer` for ever.
-    - "first": to `peer` (if given) until somebody is heard, then to that one for the life of the wire. A PX4 does so.
-    - "last": to whom was heard last.
+    `partner` selects where datagrams are sent:
+    - "fixed": always to `peer`.
+    - "first": to `peer` (if given) until a datagram comes, then to its sender for the life of the wire, as PX4 does.
+    - "last": to the sender of the last datagram.
 
-    With `strangers` False, datagrams from anybody but the partner are dropped and counted in `strangers_dropped`;
-    with True they are received all the same (a PX4 does that too).
+    With `accept_others` False, datagrams of other senders than the partner are dropped and counted in
+    `others_dropped`; with True they are received, as PX4 does. With `qualifies`, the first partner is the sender of a
+    datagram for which it is True; others before it are dropped and counted.
     """
 
     def __init__(
-        self, bind: Address, peer: Address | None = None, *, partner: Partner = "first", strangers: bool = False
+        self,
+        bind: Address,
+        peer: Address | None = None,
+        *,
+        partner: Partner = "first",
+        accept_others: bool = False,
+        qualifies: Callable[[bytes], bool] | None = None,
     ) -> None:
         """Bind to `bind` (port 0: any free one, see `address`). Raises WireError if that is not possible."""
         if partner == "fixed" and peer is None:
             raise WireError("a UDP wire with a fixed partner needs the peer's host and port")
         if partner not in ("fixed", "first", "last"):
             raise WireError(f'UDP partner rule "{partner}" is unknown: use "fixed", "first" or "last"')
-        self._partner_rule, self._accept_strangers = partner, strangers
+        self._partner_rule, self._accept_others = partner, accept_others
         self._peer = _resolve(peer) if peer else None
-        self._settled = partner == "fixed"
+        self._settled, self._qualifies = partner == "fixed", qualifies
         self._closed = False
-        self.strangers_dropped = self.send_errors = 0
+        self.others_dropped = self.send_errors = 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
             self._socket.bind(_resolve(bind))
         except (OSError, OverflowError) as error:
             self._socket.close()
-            raise WireError(_bind_trouble(bind, error)) from None
+            raise WireError(_bind_error(bind, error)) from None
 
     @property
     def address(self) -> Address:
-        """Where this end can be reached."""
+        """This end's own address."""
         host, port = self._socket.getsockname()
         return host, port
 
     @property
     def peer(self) -> Address | None:
-        """To whom datagrams go now; None while nobody is known."""
+        """Where datagrams are sent now; None while no partner is known."""
         return self._peer
 
-    def send(self, data: bytes) -> None:
-        """One datagram to the partner. Without a partner, or if the network refuses, it is counted in `send_errors`."""
+    def send(self, data: bytes) -> bool:
+        """One datagram to the partner. False, counted in `send_errors`, without a partner or if the network refuses."""
         if self._closed:
             raise WireError("this UDP wire is closed")
         if self._peer is None:
             self.send_errors += 1
-            return
+            return False
         try:
             self._socket.sendto(data, self._peer)
         except OSError:
             self.send_errors += 1
+            return False
+        return True
 
     def receive(self) -> list[bytes]:
-        """Datagrams that have come, oldest first; at most 1024 at once, the rest stays for the next call."""
+        """Datagrams that have come, oldest first; at most 1024, the rest stays for the next call."""
         items: list[bytes] = []
         if self._closed:
             return items
@@ -83,7 +93,7 @@ class UdpWire:
                 break
             except OSError:  # an ICMP answer to something sent earlier
                 continue
-            if self._welcome(sender):
+            if self._accept(sender, data):
                 items.append(data)
         return items
 
@@ -92,17 +102,20 @@ class UdpWire:
         return self._socket.fileno()
 
     def close(self) -> None:
-        """Give the port back; may be called twice."""
+        """Close the port; may be called twice."""
         self._closed = True
         self._socket.close()
 
-    def _welcome(self, sender: Address) -> bool:
-        if self._partner_rule == "last" or not self._settled:
+    def _accept(self, sender: Address, data: bytes) -> bool:
+        if self._partner_rule == "last":
+            self._peer = sender
+            return True
+        if not self._settled and (self._qualifies is None or self._qualifies(data)):
             self._peer, self._settled = sender, True
             return True
-        if sender == self._peer or self._accept_strangers:
+        if (self._settled and sender == self._peer) or self._accept_others:
             return True
-        self.strangers_dropped += 1
+        self.others_dropped += 1
         return False
 
 
@@ -115,7 +128,7 @@ def _resolve(address: Address) -> Address:
     return str(found[0][4][0]), port
 
 
-def _bind_trouble(bind: Address, error: Exception) -> str:
+def _bind_error(bind: Address, error: Exception) -> str:
     host, port = bind
     what = f"UDP port {port} on {host or '0.0.0.0'}"
     number = error.errno if isinstance(error, OSError) else None

@@ -1,44 +1,25 @@
-"""Planning a perch as Fast-Perching does: least snap, time and skid under penalties, by L-BFGS from a guess or the last
-plan. Ji et al., IROS 2022; weights and settings are those of its published launch file where the airframe has none."""
+"""Planning a perch as Fast-Perching does (Ji et al., IROS 2022): snap, time and skid are minimised under penalties.
+
+L-BFGS begins from a guess or from the last plan. Weights and settings are those of the published launch file where the
+airframe has none.
+"""
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from policies.baselines import carried_row, variables_row
 from policies.baselines import fast_perching_cost as fp
-from policies.baselines.min_snap import PIECES, basis, min_snap
-from policies.task.observation import THRUST_MAX, THRUST_MIN
-from vehicle.quadrotor.airframe import GRAVITY
+from policies.baselines.fast_perching_params import FastPerchingParams
+from policies.baselines.min_snap import BOUNDARY, END, PIECES, basis, min_snap
+from policies.baselines.smoothing import piece_variable
 
 _MEMORY, _PAST, _DELTA = 32, 3, 1e-4
 _MOST_ITERATIONS = 300
-_CALM, _LONGEST = 1.5, 20.0  # a guess may turn this much faster than allowed, and last no longer than this (s)
-
-
-@dataclass(frozen=True)
-class FastPerchingParams:
-    """Limits (m/s, m/s^2, rad/s), body and board's radius (m), speed into the board (m/s), floor (m).
-
-    In the order of the settings row's indices in `fast_perching_cost`.
-    """
-
-    speed_max: float = 6.0
-    thrust_min: float = THRUST_MIN
-    thrust_max: float = THRUST_MAX
-    rate_max: float = 3.0
-    robot_l: float = 0.02
-    robot_r: float = 0.13
-    board_r: float = 1.0
-    closing: float = 0.3
-    floor: float = 0.4
-    gravity: float = GRAVITY
-
-    def row(self) -> np.ndarray:
-        """The settings row (10,) for kernels."""
-        return np.array(astuple(self), dtype=np.float64)
+_CALM, _LONGEST = 1.5, 20.0  # a guess' body rate over the limit, at most; its duration at most, s
 
 
 @dataclass(frozen=True)
@@ -74,10 +55,10 @@ def plan_perch(
     """
     minimize = load_search()
     curve, settings = min_snap(), params.row()
-    guess = _guess(start, board, settings) if last is None else _resample(*last)
+    guess = _guess(start, board, params) if last is None else _resample(*last)
 
     def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
-        gradient = np.zeros(fp.VARIABLES)
+        gradient = np.zeros(variables_row.DIM)
         value = fp.cost_and_gradient(x, start, board, settings, *curve[1:], gradient)
         return value, gradient
 
@@ -87,7 +68,7 @@ def plan_perch(
 
 
 class _Enough:
-    """Ends a search whose cost fell by less than _DELTA of itself over _PAST iterations."""
+    """Ends a search whose cost fell by less than the share _DELTA over _PAST iterations."""
 
     def __init__(self) -> None:
         self._costs: list[float] = []
@@ -102,7 +83,7 @@ class _Enough:
 def load_search():
     """SciPy's minimiser on one thread. Raises ValueError, saying what to install, where there is none.
 
-    Its matrices are 31 rows high: on threads that have to be woken for them a plan takes ten times as long.
+    Its matrices have 31 rows: several threads would make a plan ten times slower.
     """
     try:
         from scipy.optimize import minimize
@@ -113,42 +94,41 @@ def load_search():
 
 
 def _plan(x: np.ndarray, cost: float, start: np.ndarray, board: np.ndarray, settings: np.ndarray) -> PerchPlan:
-    boundary = np.zeros((3, fp.BOUNDARY))
-    seconds = fp.fill_boundary(x, start, board, settings, boundary, np.zeros(15))
+    boundary = np.zeros((3, BOUNDARY))
+    seconds = fp.fill_boundary(x, start, board, settings, boundary, np.zeros(carried_row.DIM))
     pieces = np.einsum("kob,ib->koi", min_snap().coefficients, boundary)
     return PerchPlan(pieces, seconds, x.copy(), cost)
 
 
 def _resample(plan: PerchPlan, flown: float) -> np.ndarray:
-    """The rest of a plan as variables."""
+    """The part of a plan that is left, as variables."""
     x = plan.variables.copy()
     left = max(plan.duration - flown, 0.05)
-    x[fp.X_TIME] = fp.piece_variable(left / PIECES)
+    x[variables_row.TIME] = piece_variable(left / PIECES)
     for k in range(1, PIECES):
-        x[fp.X_WAYPOINTS + 3 * (k - 1) : fp.X_WAYPOINTS + 3 * k] = plan.at(flown + left * k / PIECES)[0]
+        at = variables_row.WAYPOINTS + 3 * (k - 1)
+        x[at : at + 3] = plan.at(flown + left * k / PIECES)[0]
     return x
 
 
-def _guess(start: np.ndarray, board: np.ndarray, settings: np.ndarray) -> np.ndarray:
-    """Way points on the one polynomial from here to a contact that comes late enough to turn calmly."""
-    duration = max(0.3, float(np.linalg.norm(board[:3] - start[0])) / settings[fp.SPEED_MAX])
-    x = np.zeros(fp.VARIABLES)
-    boundary, times = np.zeros((3, fp.BOUNDARY)), np.linspace(0.0, 1.0, 41)
+def _guess(start: np.ndarray, board: np.ndarray, params: FastPerchingParams) -> np.ndarray:
+    """Way points on one polynomial to contact, with a duration long enough for moderate body rates."""
+    duration = max(0.3, float(np.linalg.norm(board[:3] - start[0])) / params.speed_max)
+    x, settings = np.zeros(variables_row.DIM), params.row()
+    boundary, times = np.zeros((3, BOUNDARY)), np.linspace(0.0, 1.0, 41)
     while True:
-        x[fp.X_TIME] = fp.piece_variable(duration / PIECES)
-        h = fp.fill_boundary(x, start, board, settings, boundary, np.zeros(15))
-        ends = boundary[:, [0, 1, 2, 3, fp.END, fp.END + 1, fp.END + 2, fp.END + 3]]
+        x[variables_row.TIME] = piece_variable(duration / PIECES)
+        h = fp.fill_boundary(x, start, board, settings, boundary, np.zeros(carried_row.DIM))
+        ends = boundary[:, [0, 1, 2, 3, END, END + 1, END + 2, END + 3]]
         ends = ends * np.tile((duration / h) ** np.arange(4), 2)
         rows = [basis(t, d) for t in (0.0, 1.0) for d in range(4)]
         whole = np.linalg.solve(np.array(rows), ends.T)
-        if (
-            _fastest_turn(whole, times, duration, settings[fp.GRAVITY]) <= _CALM * settings[fp.RATE_MAX]
-            or duration > _LONGEST
-        ):
+        if _fastest_turn(whole, times, duration, params.gravity) <= _CALM * params.rate_max or duration > _LONGEST:
             break
         duration += 1.0
     for k in range(1, PIECES):
-        x[fp.X_WAYPOINTS + 3 * (k - 1) : fp.X_WAYPOINTS + 3 * k] = basis(k / PIECES, 0) @ whole
+        at = variables_row.WAYPOINTS + 3 * (k - 1)
+        x[at : at + 3] = basis(k / PIECES, 0) @ whole
     return x
 
 

@@ -1,8 +1,7 @@
 """Fast-Perching's cost and gradient (Ji et al., "Real-time trajectory planning for aerial perching", IROS 2022).
 
-The variables (VARIABLES,): a number that maps to the s a piece lasts, the way points, an angle that maps to the thrust
-at contact, and the tangential velocity at contact along two directions of the board. The board goes on at its present
-speed and turn rate; with the turn rate 0 it is the published method, which predicts straight on.
+What is varied stands in `variables_row`. The board goes on at its present speed and turn rate; with the turn rate 0 it
+is the published method, which predicts straight on.
 """
 
 from __future__ import annotations
@@ -12,62 +11,19 @@ import math
 import numpy as np
 
 from kernel.jit import njit
+from policies.baselines import carried_row, variables_row
+from policies.baselines.fast_perching_params import AT
 from policies.baselines.min_snap import BOUNDARY, END, PIECES, SAMPLES, WAYPOINTS
+from policies.baselines.smoothing import piece_seconds, smooth_excess, smooth_step
 
 _POINTS = PIECES - 1
-X_TIME, X_WAYPOINTS, X_FORCE, X_SKID = 0, 1, 1 + 3 * _POINTS, 2 + 3 * _POINTS
-VARIABLES = X_SKID + 2
-
-# Settings row: limits (SI), the body against the board (m, m/s), gravity.
-(SPEED_MAX, THRUST_MIN, THRUST_MAX, RATE_MAX, ROBOT_L, ROBOT_R, BOARD_R, CLOSING, FLOOR, GRAVITY) = range(10)
-
 _RHO_TIME, _RHO_SKID = 1e5, 1e5
 _W_FLOOR, _W_SPEED, _W_THRUST, _W_RATE, _W_BOARD = 1e7, 1e3, 1e4, 1e5, 1e6
-_MU = 0.01  # half-width of what smooths the penalties
-
-
-@njit
-def piece_seconds(t):
-    """Seconds a piece lasts and their derivative, for any real `t`."""
-    if t > 0.0:
-        return (0.5 * t + 1.0) * t + 1.0, t + 1.0
-    d = (0.5 * t - 1.0) * t + 1.0
-    return 1.0 / d, (1.0 - t) / (d * d)
-
-
-@njit
-def piece_variable(seconds):
-    """Inverse of `piece_seconds`."""
-    if seconds > 1.0:
-        return math.sqrt(2.0 * seconds - 1.0) - 1.0
-    return 1.0 - math.sqrt(2.0 / seconds - 1.0)
-
-
-@njit
-def smooth_excess(x):
-    """max(x, 0) rounded off below _MU, and its derivative."""
-    if x <= 0.0:
-        return 0.0, 0.0
-    if x >= _MU:
-        return x - 0.5 * _MU, 1.0
-    r = x / _MU
-    return (_MU - 0.5 * x) * r * r * r, r * r * (3.0 - 2.0 * r)
-
-
-@njit
-def smooth_step(x):
-    """0 below -_MU, 1 above _MU, and its derivative."""
-    if x <= -_MU:
-        return 0.0, 0.0
-    if x >= _MU:
-        return 1.0, 0.0
-    r = 0.5 * (x + _MU) / _MU
-    return r * r * (3.0 - 2.0 * r), 3.0 * r * (1.0 - r) / _MU
 
 
 @njit
 def board_at(board, t, out):
-    """Position, velocity, normal and the two tangents of `board` ((8,) board row) in `t` s, into `out` (15,)."""
+    """`board` ((8,) board row) in `t` s, into `out` (carried_row.DIM,)."""
     h0, w = board[3], board[5]
     h = h0 + w * t
     c, s = math.cos(h), math.sin(h)
@@ -76,35 +32,41 @@ def board_at(board, t, out):
     else:
         r = board[4] / w
         dx, dy = r * (s - math.sin(h0)), r * (math.cos(h0) - c)
-    out[0], out[1], out[2] = board[0] + dx, board[1] + dy, board[2]
-    out[3], out[4], out[5] = board[4] * c, board[4] * s, 0.0
+    position, velocity = out[carried_row.POSITION :], out[carried_row.VELOCITY :]
+    position[0], position[1], position[2] = board[0] + dx, board[1] + dy, board[2]
+    velocity[0], velocity[1], velocity[2] = board[4] * c, board[4] * s, 0.0
     ci, si = math.cos(board[6]), math.sin(board[6])
-    out[6], out[7], out[8] = -si * c, -si * s, ci
-    out[9], out[10], out[11] = -s, c, 0.0
-    out[12], out[13], out[14] = ci * c, ci * s, si
+    normal, across, along = out[carried_row.NORMAL :], out[carried_row.ACROSS :], out[carried_row.ALONG :]
+    normal[0], normal[1], normal[2] = -si * c, -si * s, ci
+    across[0], across[1], across[2] = -s, c, 0.0
+    along[0], along[1], along[2] = ci * c, ci * s, si
+    out[carried_row.TURN] = w
 
 
 @njit
 def fill_boundary(x, start, board, settings, boundary, carried):
     """The boundary ((3, BOUNDARY)) of variables `x`; returns the s of a piece.
 
-    `start` ((4, 3)): position, velocity, acceleration, jerk now. `carried` (15,): the board at the end.
+    `start` ((4, 3)): position, velocity, acceleration, jerk now. `carried` (carried_row.DIM,): the board at the end.
     """
-    h = piece_seconds(x[X_TIME])[0]
+    h = piece_seconds(x[variables_row.TIME])[0]
     board_at(board, PIECES * h, carried)
-    middle = 0.5 * (settings[THRUST_MIN] + settings[THRUST_MAX])
-    half = 0.5 * (settings[THRUST_MAX] - settings[THRUST_MIN])
-    thrust = middle + half * math.sin(x[X_FORCE])
+    middle = 0.5 * (settings[AT.thrust_min] + settings[AT.thrust_max])
+    half = 0.5 * (settings[AT.thrust_max] - settings[AT.thrust_min])
+    thrust = middle + half * math.sin(x[variables_row.FORCE])
     for i in range(3):
-        n = carried[6 + i]
+        n = carried[carried_row.NORMAL + i]
         for d in range(4):
             boundary[i, d] = start[d, i] * h**d
         for k in range(_POINTS):
-            boundary[i, WAYPOINTS + k] = x[X_WAYPOINTS + 3 * k + i]
-        boundary[i, END] = carried[i] + settings[ROBOT_L] * n
-        skid = x[X_SKID] * carried[9 + i] + x[X_SKID + 1] * carried[12 + i]
-        boundary[i, END + 1] = (carried[3 + i] - settings[CLOSING] * n + skid) * h
-        boundary[i, END + 2] = (thrust * n - (settings[GRAVITY] if i == 2 else 0.0)) * h * h
+            boundary[i, WAYPOINTS + k] = x[variables_row.WAYPOINTS + 3 * k + i]
+        boundary[i, END] = carried[carried_row.POSITION + i] + settings[AT.contact_below] * n
+        skid = (
+            x[variables_row.SKID] * carried[carried_row.ACROSS + i]
+            + x[variables_row.SKID + 1] * carried[carried_row.ALONG + i]
+        )
+        boundary[i, END + 1] = (carried[carried_row.VELOCITY + i] - settings[AT.closing] * n + skid) * h
+        boundary[i, END + 2] = (thrust * n - (settings[AT.gravity] if i == 2 else 0.0)) * h * h
         boundary[i, END + 3] = 0.0
     return h
 
@@ -113,23 +75,23 @@ def fill_boundary(x, start, board, settings, boundary, carried):
 def sample_cost(state, now, settings, gradient):
     """Penalty at one sample, whose `gradient` is added to zeros; returns (cost, derivative by the board's time).
 
-    `state`, `gradient` ((4, 3)): position, velocity, acceleration, jerk; `now` (15 + 1,): the board then, and its turn
-    rate.
+    `state`, `gradient` ((4, 3)): position, velocity, acceleration, jerk; `now` (carried_row.DIM,): the board
+    then.
     """
     p, v, a, j = state[0], state[1], state[2], state[3]
     gp, gv, ga, gj = gradient[0], gradient[1], gradient[2], gradient[3]
     cost, by_time = 0.0, 0.0
-    value, slope = smooth_excess(settings[FLOOR] - p[2])
+    value, slope = smooth_excess(settings[AT.floor] - p[2])
     cost += _W_FLOOR * value
     gp[2] -= _W_FLOOR * slope
-    value, slope = smooth_excess(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - settings[SPEED_MAX] ** 2)
+    value, slope = smooth_excess(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - settings[AT.speed_max] ** 2)
     cost += _W_SPEED * value
     for i in range(3):
         gv[i] += _W_SPEED * slope * 2.0 * v[i]
-    fx, fy, fz = a[0], a[1], a[2] + settings[GRAVITY]
+    fx, fy, fz = a[0], a[1], a[2] + settings[AT.gravity]
     square = fx * fx + fy * fy + fz * fz
-    over, s_over = smooth_excess(square - settings[THRUST_MAX] ** 2)
-    under, s_under = smooth_excess(settings[THRUST_MIN] ** 2 - square)
+    over, s_over = smooth_excess(square - settings[AT.thrust_max] ** 2)
+    under, s_under = smooth_excess(settings[AT.thrust_min] ** 2 - square)
     cost += _W_THRUST * (over + under)
     pull = _W_THRUST * 2.0 * (s_over - s_under)
     ga[0] += pull * fx
@@ -139,7 +101,7 @@ def sample_cost(state, now, settings, gradient):
     zx, zy, zz = fx / size, fy / size, fz / size
     along = zx * j[0] + zy * j[1] + zz * j[2]
     rx, ry, rz = (j[0] - along * zx) / size, (j[1] - along * zy) / size, (j[2] - along * zz) / size
-    value, slope = smooth_excess(rx * rx + ry * ry + rz * rz - settings[RATE_MAX] ** 2)
+    value, slope = smooth_excess(rx * rx + ry * ry + rz * rz - settings[AT.rate_max] ** 2)
     cost += _W_RATE * value
     if slope > 0.0:
         # |r|^2 = (|j|^2 - along^2) / size^2; r stands upright on z.
@@ -151,39 +113,44 @@ def sample_cost(state, now, settings, gradient):
         ga[0] -= w * (along * rx + rate2 * fx) / (size * size)
         ga[1] -= w * (along * ry + rate2 * fy) / (size * size)
         ga[2] -= w * (along * rz + rate2 * fz) / (size * size)
-    dx, dy, dz = p[0] - now[0], p[1] - now[1], p[2] - now[2]
-    reach = settings[BOARD_R] + settings[ROBOT_R]
-    gate, s_gate = smooth_step(1.0 - (dx * dx + dy * dy + dz * dz) / (reach * reach))
-    if gate > 0.0:
-        nx, ny, nz = now[6], now[7], now[8]
+    dx, dy, dz = (
+        p[0] - now[carried_row.POSITION],
+        p[1] - now[carried_row.POSITION + 1],
+        p[2] - now[carried_row.POSITION + 2],
+    )
+    reach = settings[AT.board_radius] + settings[AT.contact_radius]
+    near, s_near = smooth_step(1.0 - (dx * dx + dy * dy + dz * dz) / (reach * reach))
+    if near > 0.0:
+        nx, ny, nz = now[carried_row.NORMAL], now[carried_row.NORMAL + 1], now[carried_row.NORMAL + 2]
         upright = min(1.0, max(-1.0, nx * zx + ny * zy + nz * zz))
         lean = math.sqrt(max(1e-12, 1.0 - upright * upright))
-        depth = settings[ROBOT_L] - 0.005
-        inside = -(nx * dx + ny * dy + nz * dz) + depth * upright + settings[ROBOT_R] * lean
+        depth = settings[AT.contact_below] - 0.005
+        inside = -(nx * dx + ny * dy + nz * dz) + depth * upright + settings[AT.contact_radius] * lean
         value, slope = smooth_excess(inside)
-        cost += _W_BOARD * gate * value
-        w, wg = _W_BOARD * gate * slope, -_W_BOARD * value * s_gate * 2.0 / (reach * reach)
+        cost += _W_BOARD * near * value
+        w, wg = _W_BOARD * near * slope, -_W_BOARD * value * s_near * 2.0 / (reach * reach)
         gpx, gpy, gpz = wg * dx - w * nx, wg * dy - w * ny, wg * dz - w * nz
         gp[0] += gpx
         gp[1] += gpy
         gp[2] += gpz
-        tilt = w * (depth - settings[ROBOT_R] * upright / lean) / size
+        tilt = w * (depth - settings[AT.contact_radius] * upright / lean) / size
         ga[0] += tilt * (nx - upright * zx)
         ga[1] += tilt * (ny - upright * zy)
         ga[2] += tilt * (nz - upright * zz)
         # The board moves on and its normal turns about the vertical meanwhile.
-        tx, ty = -now[15] * ny, now[15] * nx
-        by_time -= gpx * now[3] + gpy * now[4] + gpz * now[5]
+        tx, ty = -now[carried_row.TURN] * ny, now[carried_row.TURN] * nx
+        by_time -= (
+            gpx * now[carried_row.VELOCITY] + gpy * now[carried_row.VELOCITY + 1] + gpz * now[carried_row.VELOCITY + 2]
+        )
         by_time += -w * (tx * dx + ty * dy) + tilt * size * (tx * zx + ty * zy)
     return cost, by_time
 
 
 @njit
 def cost_and_gradient(x, start, board, settings, energy, sampled, by_sample, gradient):
-    """Cost of variables `x` ((VARIABLES,)); fills `gradient`. Other shapes: `fill_boundary`, `min_snap.MinSnap`."""
-    boundary, carried, now = np.zeros((3, BOUNDARY)), np.zeros(15), np.zeros(16)
+    """Cost of variables `x` (variables_row.DIM,); fills `gradient`. Other shapes: `fill_boundary`, `MinSnap`."""
+    boundary, carried, now = np.zeros((3, BOUNDARY)), np.zeros(carried_row.DIM), np.zeros(carried_row.DIM)
     h = fill_boundary(x, start, board, settings, boundary, carried)
-    now[15] = board[5]
     cost, by_h = _RHO_TIME * h, _RHO_TIME
     by_boundary = np.zeros((3, BOUNDARY))
     for i in range(3):
@@ -218,32 +185,38 @@ def cost_and_gradient(x, start, board, settings, energy, sampled, by_sample, gra
                         by_boundary[i, b] += g * by_sample[d, m, b]
     by_h += _through_boundary(x, start, board, settings, carried, boundary, by_boundary, h, gradient)
     for k in range(2):
-        cost += _RHO_SKID * x[X_SKID + k] * x[X_SKID + k]
-        gradient[X_SKID + k] += 2.0 * _RHO_SKID * x[X_SKID + k]
-    gradient[X_TIME] = by_h * piece_seconds(x[X_TIME])[1]
+        cost += _RHO_SKID * x[variables_row.SKID + k] * x[variables_row.SKID + k]
+        gradient[variables_row.SKID + k] += 2.0 * _RHO_SKID * x[variables_row.SKID + k]
+    gradient[variables_row.TIME] = by_h * piece_seconds(x[variables_row.TIME])[1]
     return cost
 
 
 @njit
 def _through_boundary(x, start, board, settings, carried, boundary, by_boundary, h, gradient):
     """Gradients by way points, force and skid from those by the boundary; returns the part by the s of a piece."""
-    half = 0.5 * (settings[THRUST_MAX] - settings[THRUST_MIN])
+    half = 0.5 * (settings[AT.thrust_max] - settings[AT.thrust_min])
     by_h, w = 0.0, board[5]
     gradient[:] = 0.0
     for i in range(3):
         for d in range(1, 4):
             by_h += by_boundary[i, d] * start[d, i] * d * h ** (d - 1)
         for k in range(_POINTS):
-            gradient[X_WAYPOINTS + 3 * k + i] = by_boundary[i, WAYPOINTS + k]
+            gradient[variables_row.WAYPOINTS + 3 * k + i] = by_boundary[i, WAYPOINTS + k]
         gp, gv, ga = by_boundary[i, END], by_boundary[i, END + 1], by_boundary[i, END + 2]
-        gradient[X_FORCE] += ga * half * math.cos(x[X_FORCE]) * carried[6 + i] * h * h
-        gradient[X_SKID] += gv * carried[9 + i] * h
-        gradient[X_SKID + 1] += gv * carried[12 + i] * h
-        by_h += gv * boundary[i, END + 1] / h + 2.0 * ga * boundary[i, END + 2] / h + gp * PIECES * carried[3 + i]
+        gradient[variables_row.FORCE] += (
+            ga * half * math.cos(x[variables_row.FORCE]) * carried[carried_row.NORMAL + i] * h * h
+        )
+        gradient[variables_row.SKID] += gv * carried[carried_row.ACROSS + i] * h
+        gradient[variables_row.SKID + 1] += gv * carried[carried_row.ALONG + i] * h
+        by_h += (
+            gv * boundary[i, END + 1] / h
+            + 2.0 * ga * boundary[i, END + 2] / h
+            + gp * PIECES * carried[carried_row.VELOCITY + i]
+        )
     # Later contact finds the board further on its circle: everything fixed to it has turned about the vertical.
     for i in range(2):
         turn, other = (-w, 1) if i == 0 else (w, 0)
-        by_h += PIECES * by_boundary[i, END] * turn * settings[ROBOT_L] * carried[6 + other]
+        by_h += PIECES * by_boundary[i, END] * turn * settings[AT.contact_below] * carried[carried_row.NORMAL + other]
         by_h += PIECES * by_boundary[i, END + 1] * turn * boundary[other, END + 1]
         by_h += PIECES * by_boundary[i, END + 2] * turn * boundary[other, END + 2]
     return by_h

@@ -1,7 +1,7 @@
-"""Fast-Perching flying the training environment's rows, as a contender: replanned at 10 Hz, tracked by our inner loop.
+"""Fast-Perching in the training environment, as a contender: planned at 10 Hz, tracked by the planner's attitude loop.
 
-The published code has no tracking controller (its odometry is the plan itself), so the one under our own planner tracks
-the plan here; contact geometry, drag and lags are the airframe's.
+The published code has no tracking controller (its odometry is the plan itself). Contact disc, drag and lags are the
+airframe's.
 """
 
 from __future__ import annotations
@@ -10,19 +10,21 @@ import numpy as np
 
 from kernel.jit import njit
 from kernel.rotations import body_z
-from policies.baselines.fast_perching import FastPerchingParams, PerchPlan, load_search, plan_perch
+from policies.baselines.fast_perching import PerchPlan, load_search, plan_perch
+from policies.baselines.fast_perching_params import FastPerchingParams
 from policies.environment.config import TICK
 from policies.environment.env import Env
 from policies.environment.rows import S_STEP, X_P, X_Q, X_V
-from policies.estimation.thrust_drag import G_GAIN
-from policies.planner import params as pp
+from policies.estimation import thrust_row
+from policies.planner import params_row as pp
 from policies.planner.follow import face
 from policies.planner.policy import planner_params
 from policies.planner.tracking import track_force
 from policies.task.observation import action_from_command
+from vehicle.quadrotor.airframe import GRAVITY
 
 _REPLAN, _LAST = 0.1, 0.5  # s: between plans; before contact the plan stays
-_OFF = 0.3  # m beside the plan: the next one starts from where the vehicle is
+_OFF = 0.3  # m beside the plan, above which the next one starts from the vehicle's state
 
 
 @njit
@@ -31,12 +33,12 @@ def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
 
     `left` s to contact; position feedback fades out before it, as it would turn the body.
     """
-    fade = min(1.0, max(0.0, left / params[pp.FADE]))
-    kp, kv = params[pp.TRACK_KP], params[pp.TRACK_KV]
+    fade = min(1.0, max(0.0, left / params[pp.tracking.fade]))
+    kp, kv = params[pp.tracking.kp], params[pp.tracking.kv]
     force, fed, push = np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(3):
         back = kp * (now[0, i] - p[i]) + kv * (now[1, i] - v[i])
-        still = params[pp.DRAG] * v[i] + (params[pp.GRAVITY] if i == 2 else 0.0)
+        still = params[pp.vehicle.drag] * v[i] + (GRAVITY if i == 2 else 0.0)
         force[i] = now[2, i] + fade * back + still
         fed[i] = ahead[2, i] + fade * back + still
         push[i] = soon[2, i] + back + still
@@ -52,7 +54,7 @@ def track_plan(now, ahead, soon, left, p, v, q, board, gain, params, out):
 
 
 class FastPerching:
-    """The method as an `evaluate.Policy`. `turning`: it foretells the board at its turn rate too, not straight on."""
+    """The method as an `evaluate.Policy`. `turning`: it predicts the board with its turn rate, not straight on."""
 
     def __init__(self, turning: bool = False) -> None:
         """Raises ValueError as `load_search` does."""
@@ -71,7 +73,11 @@ class FastPerching:
     def _begin(self, env: Env) -> None:
         count, params = env.config.count, planner_params(env.airframe)
         self._env, self._track = env, params.row()
-        self._params = FastPerchingParams(robot_l=params.robot_l, robot_r=params.robot_r)
+        self._rate_ahead, self._thrust_lag = params.tracking.rate_ahead, params.vehicle.thrust_lag
+        vehicle = params.vehicle
+        self._params = FastPerchingParams(
+            vehicle.thrust_min, vehicle.thrust_max, vehicle.contact_below, vehicle.contact_radius
+        )
         self._plans: list[tuple[PerchPlan, float] | None] = [None] * count
         self._out = np.zeros((count, 4))
 
@@ -83,11 +89,11 @@ class FastPerching:
         if made is None or (t - made[1] > _REPLAN - 0.5 * TICK and made[0].duration - (t - made[1]) > _LAST):
             made = self._plan(made, t, p, v, rows.believed[i])
         plan, begun = self._plans[i] = made
-        ahead = t - begun + self._track[pp.RATE_LAG]
-        soon = t - begun + self._track[pp.THRUST_LAG] + 0.5 * TICK
+        ahead = t - begun + self._rate_ahead
+        soon = t - begun + self._thrust_lag + 0.5 * TICK
         states = plan.at(t - begun), plan.at(ahead), plan.at(soon)
         left = plan.duration - (t - begun)
-        track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, G_GAIN], self._track, self._out[i])
+        track_plan(*states, left, p, v, q, rows.believed[i], rows.gain[i, thrust_row.GAIN], self._track, self._out[i])
 
     def _plan(
         self, made: tuple[PerchPlan, float] | None, t: float, p: np.ndarray, v: np.ndarray, seen: np.ndarray

@@ -16,7 +16,7 @@ import numpy as np
 PIECES, ORDER = 10, 8  # ORDER coefficients a piece: degree seven
 HEAD, WAYPOINTS, END = 0, 4, 4 + PIECES - 1  # where a boundary's parts begin
 BOUNDARY = END + 4
-SAMPLES = 16  # intervals a piece at whose ends a motion is looked at
+SAMPLES = 16  # intervals a piece, at whose ends a motion is sampled
 
 
 class MinSnap(NamedTuple):
@@ -42,7 +42,7 @@ def basis(tau: float, derivative: int) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def min_snap() -> MinSnap:
-    """The matrices, worked out once."""
+    """The matrices, computed once."""
     size = PIECES * ORDER
     system, right = np.zeros((size, size)), np.zeros((size, BOUNDARY))
     at = 0

@@ -20,7 +20,8 @@ from policies.environment.reset import reset_rows
 from policies.environment.rows import ENDED_DIM, S_FILLED, S_STEP, Rows, Shared, allocate
 from policies.environment.step import step_rows
 from policies.estimation.ctrv import BeliefParams
-from policies.task.contact import OUTCOME, REASON, REASONS, SUCCESS
+from policies.task import result_row
+from policies.task.contact import REASONS, SUCCESS
 from vehicle.camera.noise import paper_noise
 from vehicle.camera.pinhole import Camera
 from vehicle.quadrotor.airframe import load_airframe
@@ -53,19 +54,13 @@ class Env:
 
     def __init__(self, config: EnvConfig, belief: BeliefParams | None = None) -> None:
         airframe = load_airframe(config.airframe)
-        contact = airframe.contact
-        rules = replace(
-            config.rules,
-            robot_l=contact.magnet_below,
-            robot_r=contact.footprint_radius,
-            time_limit=(config.limit - 0.5) * TICK,
-        )
+        rules = replace(config.rules, time_limit=(config.limit - 0.5) * TICK)
         mount = Camera(offset=airframe.camera.offset, tilt=math.radians(airframe.camera.tilt_deg))
         self.config, self.airframe, self.camera = config, airframe, mount
         self.rows: Rows = allocate(config)
         self.shared = Shared(
             config=config.row(),
-            rules=rules.row(),
+            rules=rules.row(airframe.contact),
             weights=config.weights.row(),
             belief=(belief or BeliefParams()).row(),
             noise=paper_noise(),
@@ -110,7 +105,7 @@ class Tally:
     def causes(self) -> dict[str, int]:
         """Episodes by cause: 'success' or the reason of the failure."""
         counts: dict[str, int] = {}
-        for outcome, reason in self.rows[:, [OUTCOME, REASON]].astype(int):
+        for outcome, reason in self.rows[:, [result_row.OUTCOME, result_row.REASON]].astype(int):
             name = "success" if outcome == SUCCESS else REASONS[reason]
             counts[name] = counts.get(name, 0) + 1
         return counts
@@ -118,4 +113,4 @@ class Tally:
     def success(self) -> float:
         """Share of successes, NaN if nothing has ended."""
         rows = self.rows
-        return float((rows[:, OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan
+        return float((rows[:, result_row.OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan

@@ -16,11 +16,10 @@ from kernel.rotations import from_euler
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
 from policies.environment.rows import S_EXPOSURE, S_PENDING, S_QUEUE, S_STEP, SLOT, X_P, X_Q, X_V
-from policies.estimation.board_ekf import B_ACCEPTED, B_P
-from policies.estimation.ctrv import N
+from policies.estimation import belief_row, belief_state
 from policies.task.interface import Command, Vec3
 from policies.task.observation import action_from_command
-from vehicle.quadrotor.dynamics import W
+from vehicle.quadrotor import state_row
 
 _MEASURED = [0, 1, 2, 3, 6]  # of the filter's state: position, heading, inclination
 
@@ -66,7 +65,7 @@ class EnvFlight:
 
     def odometry(self) -> Odometry:
         """What the vehicle knows of itself now, odometry noise included."""
-        own, w = self.env.rows.scratch[0].tolist(), self.env.rows.vehicle[0, W : W + 3].tolist()
+        own, w = self.env.rows.scratch[0].tolist(), self.env.rows.vehicle[0, state_row.W : state_row.W + 3].tolist()
         p, v, q = own[X_P : X_P + 3], own[X_V : X_V + 3], own[X_Q : X_Q + 4]
         return Odometry(
             self.now_ns, (p[0], p[1], p[2]), (v[0], v[1], v[2]), (q[0], q[1], q[2], q[3]), (w[0], w[1], w[2])
@@ -97,9 +96,17 @@ class EnvFlight:
     def _first(self) -> Detection:
         """The detection that an episode begins with: the filter's start."""
         row = self.env.rows.belief[0]
-        if row[B_ACCEPTED] != 1.0:
-            raise ValueError(f"the episode began with {row[B_ACCEPTED]:.0f} detections, not with one: another seed")
-        return self._detection(0.0, row[_MEASURED], row[B_P : B_P + N * N].reshape(N, N)[_MEASURED, _MEASURED])
+        if row[belief_row.ACCEPTED] != 1.0:
+            raise ValueError(
+                f"the episode began with {row[belief_row.ACCEPTED]:.0f} detections, not with one: another seed"
+            )
+        return self._detection(
+            0.0,
+            row[_MEASURED],
+            row[belief_row.COVARIANCE : belief_row.COVARIANCE + belief_state.DIM * belief_state.DIM].reshape(
+                belief_state.DIM, belief_state.DIM
+            )[_MEASURED, _MEASURED],
+        )
 
     def _detection(self, arrival: float, z: np.ndarray, r: np.ndarray) -> Detection:
         """A pose that the filter takes for the measurement `z`, variances `r`, exposed now."""

@@ -8,52 +8,10 @@ from __future__ import annotations
 
 import math
 
-from groundcar.motion.board_motion import (
-    ACCEL_LIMIT,
-    ARC_RADIUS,
-    CHANGE_LENGTH,
-    CHANGE_TIME,
-    DAMPING,
-    PATH_KIND,
-    PATH_ROW,
-    RESPONSE,
-    SPEED_KIND,
-    SPEED_ROW,
-    A,
-    motion_reset,
-    motion_step,
-)
-from groundcar.motion.paths import (
-    ARC,
-    COS,
-    FIGURE8,
-    HEADING,
-    LENGTH,
-    LINE,
-    RACETRACK,
-    SIN,
-    SIZE,
-    SPLINE,
-    STATIC,
-    TURN,
-    P,
-    path_lap,
-)
-from groundcar.motion.speed_laws import (
-    CONSTANT,
-    COSINE,
-    OU,
-    PERIOD,
-    PHASE,
-    RAMP,
-    SCHEDULED,
-    SIGMA,
-    SWITCH,
-    TAU,
-    V2,
-    S,
-    V,
-)
+from groundcar.motion import motion_row, path_row, speed_row
+from groundcar.motion.board_motion import motion_reset, motion_step
+from groundcar.motion.paths import ARC, FIGURE8, LINE, RACETRACK, SPLINE, STATIC, path_lap
+from groundcar.motion.speed_laws import CONSTANT, COSINE, OU, SCHEDULED
 from groundcar.motion.splines import random_spline
 from kernel.jit import njit
 from kernel.random import uniform
@@ -73,7 +31,7 @@ from policies.environment.config import (
 )
 
 BOARD_HEIGHT = 1.5  # m, paper
-MOTION_DIM = A + 8  # aux row of groundcar.motion.board_motion, then the board row at the end of the track
+MOTION_DIM = motion_row.DIM + 8  # aux row of groundcar.motion.board_motion, then the board row at the end of the track
 _KINDS = (SPLINE, LINE, RACETRACK, FIGURE8, ARC, STATIC)
 _SPEED_KINDS = (CONSTANT, OU, COSINE, SCHEDULED)
 _FIGURE8_SPEED = 2.4  # m/s: at its tips 1.8 rad/s, the most the car turns
@@ -100,41 +58,41 @@ def pick(odds, draw):
 def _draw_path(path, kind, speed, rng):
     path[:] = 0.0
     angle = uniform(rng, -math.pi, math.pi)
-    path[HEADING], path[COS], path[SIN] = angle, math.cos(angle), math.sin(angle)
+    path[path_row.HEADING], path[path_row.COS], path[path_row.SIN] = angle, math.cos(angle), math.sin(angle)
     if kind == SPLINE:
         random_spline(rng, path, speed)
     elif kind == LINE:
-        path[SIZE] = 12.0
+        path[path_row.SIZE] = 12.0
     elif kind == RACETRACK:
-        path[SIZE], path[LENGTH] = 4.0, 4.0
+        path[path_row.SIZE], path[path_row.LENGTH] = 4.0, 4.0
     elif kind == FIGURE8:
-        path[SIZE] = 4.0
+        path[path_row.SIZE] = 4.0
     elif kind == ARC:
-        path[SIZE] = uniform(rng, max(1.5, speed / 1.2), 10.0)
-        path[TURN] = 1.0 if uniform(rng, 0.0, 1.0) < 0.5 else -1.0
+        path[path_row.SIZE] = uniform(rng, max(1.5, speed / 1.2), 10.0)
+        path[path_row.TURN] = 1.0 if uniform(rng, 0.0, 1.0) < 0.5 else -1.0
 
 
 @njit
 def _draw_speed(law, row, speed, low, high, rng):
     """Fill a speed row whose largest nominal speed is `speed`, but never below `low`."""
     row[:] = 0.0
-    row[TAU], row[PERIOD], row[SWITCH], row[V] = 1.0, 1.0, math.inf, speed
+    row[speed_row.TAU], row[speed_row.PERIOD], row[speed_row.SWITCH], row[speed_row.V] = 1.0, 1.0, math.inf, speed
     if law == OU:
-        row[SIGMA] = 0.1
+        row[speed_row.SIGMA] = 0.1
     elif law == COSINE:
-        row[V], row[V2] = max(low, speed * uniform(rng, 0.3, 0.9)), speed
-        row[PERIOD], row[PHASE] = uniform(rng, 2.0, 5.0), uniform(rng, -math.pi, math.pi)
+        row[speed_row.V], row[speed_row.V2] = max(low, speed * uniform(rng, 0.3, 0.9)), speed
+        row[speed_row.PERIOD], row[speed_row.PHASE] = uniform(rng, 2.0, 5.0), uniform(rng, -math.pi, math.pi)
     elif law == SCHEDULED:
-        row[V2] = min(high, max(low, speed * uniform(rng, 0.3, 1.0)))
-        row[RAMP], row[SWITCH] = uniform(rng, 0.3, 1.5), uniform(rng, 0.0, 4.0)
+        row[speed_row.V2] = min(high, max(low, speed * uniform(rng, 0.3, 1.0)))
+        row[speed_row.RAMP], row[speed_row.SWITCH] = uniform(rng, 0.3, 1.5), uniform(rng, 0.0, 4.0)
         if uniform(rng, 0.0, 1.0) < 0.5:
-            row[V], row[V2] = row[V2], row[V]
+            row[speed_row.V], row[speed_row.V2] = row[speed_row.V2], row[speed_row.V]
 
 
 @njit
 def motion_draw(motion, config, rng):
     """Draw an episode's motion into a motion row. Returns (desired speed m/s, family, law)."""
-    aux, board = motion[:A], motion[A:]
+    aux, board = motion[: motion_row.DIM], motion[motion_row.DIM :]
     family = pick(config[C_FAMILY : C_FAMILY + 6], uniform(rng, 0.0, 1.0))
     law = pick(config[C_LAW : C_LAW + 4], uniform(rng, 0.0, 1.0))
     low, high = config[C_SPEED_LOW], config[C_SPEED_HIGH]
@@ -152,38 +110,41 @@ def motion_draw(motion, config, rng):
     if kind == STATIC:
         speed, law = 0.0, 0
     aux[:] = 0.0
-    _draw_path(aux[PATH_ROW : PATH_ROW + P], kind, speed, rng)
-    _draw_speed(_SPEED_KINDS[law], aux[SPEED_ROW : SPEED_ROW + S], speed, low, high, rng)
+    _draw_path(aux[motion_row.PATH : motion_row.PATH + path_row.DIM], kind, speed, rng)
+    _draw_speed(_SPEED_KINDS[law], aux[motion_row.SPEED : motion_row.SPEED + speed_row.DIM], speed, low, high, rng)
     if swings:
-        aux[SPEED_ROW + V], aux[SPEED_ROW + PERIOD] = uniform(rng, *_SLOW), uniform(rng, *_SWING)
-    aux[PATH_KIND], aux[SPEED_KIND] = kind, _SPEED_KINDS[law]
-    aux[CHANGE_TIME], aux[CHANGE_LENGTH] = math.inf, math.inf
-    aux[ACCEL_LIMIT], aux[DAMPING] = math.inf, 1.0
+        aux[motion_row.SPEED + speed_row.V], aux[motion_row.SPEED + speed_row.PERIOD] = (
+            uniform(rng, *_SLOW),
+            uniform(rng, *_SWING),
+        )
+    aux[motion_row.PATH_KIND], aux[motion_row.SPEED_KIND] = kind, _SPEED_KINDS[law]
+    aux[motion_row.CHANGE_TIME], aux[motion_row.CHANGE_LENGTH] = math.inf, math.inf
+    aux[motion_row.ACCEL_LIMIT], aux[motion_row.DAMPING] = math.inf, 1.0
     if kind == SPLINE and law == 3:
-        aux[CHANGE_TIME] = aux[SPEED_ROW + SWITCH]
-        aux[ARC_RADIUS] = uniform(rng, max(2.0, speed / 1.2), 6.0)
+        aux[motion_row.CHANGE_TIME] = aux[motion_row.SPEED + speed_row.SWITCH]
+        aux[motion_row.ARC_RADIUS] = uniform(rng, max(2.0, speed / 1.2), 6.0)
         if uniform(rng, 0.0, 1.0) < 0.5:
-            aux[ARC_RADIUS] = -aux[ARC_RADIUS]
+            aux[motion_row.ARC_RADIUS] = -aux[motion_row.ARC_RADIUS]
     if config[C_CAR_LAG] > 0.0 and uniform(rng, 0.0, 1.0) < 0.7:
-        aux[RESPONSE] = 1.0 / uniform(rng, 0.3 * config[C_CAR_LAG], config[C_CAR_LAG])
-        aux[DAMPING], aux[ACCEL_LIMIT] = uniform(rng, 0.5, 1.2), uniform(rng, 2.0, 5.0)
-    u = uniform(rng, 0.0, 1.0) * path_lap(kind, aux[PATH_ROW : PATH_ROW + P])
-    switch = aux[SPEED_ROW + SWITCH]
+        aux[motion_row.RESPONSE] = 1.0 / uniform(rng, 0.3 * config[C_CAR_LAG], config[C_CAR_LAG])
+        aux[motion_row.DAMPING], aux[motion_row.ACCEL_LIMIT] = uniform(rng, 0.5, 1.2), uniform(rng, 2.0, 5.0)
+    u = uniform(rng, 0.0, 1.0) * path_lap(kind, aux[motion_row.PATH : motion_row.PATH + path_row.DIM])
+    switch = aux[motion_row.SPEED + speed_row.SWITCH]
     inclination = uniform(rng, config[C_INC_LOW], config[C_INC_HIGH])
     if swings:
         inclination = uniform(rng, *_STEEP)
     elif frontier:
         inclination = uniform(rng, *_FLAT_INCLINATION) if flat else uniform(rng, *_STEEP_INCLINATION)
     motion_reset(board, aux, u, BOARD_HEIGHT, inclination, True)
-    if math.isinf(aux[CHANGE_TIME]):  # else the change of path decides when the speed changes
-        aux[SPEED_ROW + SWITCH] = switch
+    if math.isinf(aux[motion_row.CHANGE_TIME]):  # else the change of path decides when the speed changes
+        aux[motion_row.SPEED + speed_row.SWITCH] = switch
     return speed, family, law
 
 
 @njit
 def extend_track(motion, track, known, wanted, rng):
     """Step the motion on until `track` ((T, 8)) is known up to row `wanted`; row `known` is the last one known now."""
-    aux, board = motion[:A], motion[A:]
+    aux, board = motion[: motion_row.DIM], motion[motion_row.DIM :]
     for k in range(known + 1, min(wanted, track.shape[0] - 1) + 1):
         motion_step(board, aux, TICK, rng)
         track[k] = board

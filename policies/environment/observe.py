@@ -20,18 +20,13 @@ from policies.environment.rows import (
     X_V,
 )
 from policies.environment.vision import see
+from policies.estimation import thrust_row
 from policies.estimation.board_ekf import surface_sigma
-from policies.estimation.thrust_drag import G_DRAG, gain_update
-from policies.task.observation import (
-    ENTRY_DIM,
-    build_observation,
-    push_history,
-    relative_entry,
-    write_entry,
-    yaw_axes,
-)
-from vehicle.quadrotor.airframe import DRAG, GRAVITY, MASS, MOTOR_LAG, MOTOR_THRUST
-from vehicle.quadrotor.dynamics import P, Q, V
+from policies.estimation.thrust_drag import gain_update
+from policies.task import entry_row
+from policies.task.observation import build_observation, push_history, relative_entry, write_entry, yaw_axes
+from vehicle.quadrotor import airframe_row, state_row
+from vehicle.quadrotor.airframe import GRAVITY
 
 _V_NOISE, _ATTITUDE_NOISE = 0.02, 0.003  # m/s, rad: one-sigma of odometry at scale 1
 
@@ -39,8 +34,8 @@ _V_NOISE, _ATTITUDE_NOISE = 0.02, 0.003  # m/s, rad: one-sigma of odometry at sc
 @njit
 def true_gain(rows, i, shared):
     """Achieved over asked thrust of row i."""
-    nominal = shared.nominal[MOTOR_THRUST] / shared.nominal[MASS]
-    return rows.params[i, MOTOR_THRUST] / rows.params[i, MASS] / nominal
+    nominal = shared.nominal[airframe_row.MOTOR_THRUST] / shared.nominal[airframe_row.MASS]
+    return rows.params[i, airframe_row.MOTOR_THRUST] / rows.params[i, airframe_row.MASS] / nominal
 
 
 @njit
@@ -62,9 +57,9 @@ def odometry(rows, i):
     """What the drone knows of itself, into the scratch row: position, velocity, orientation with odometry noise."""
     vehicle, rng, x = rows.vehicle[i], rows.rng[i], rows.scratch[i]
     scale = rows.state[i, S_ODOMETRY]
-    x[X_P : X_P + 3] = vehicle[P : P + 3]
-    x[X_V : X_V + 3] = vehicle[V : V + 3]
-    x[X_Q : X_Q + 4] = vehicle[Q : Q + 4]
+    x[X_P : X_P + 3] = vehicle[state_row.P : state_row.P + 3]
+    x[X_V : X_V + 3] = vehicle[state_row.V : state_row.V + 3]
+    x[X_Q : X_Q + 4] = vehicle[state_row.Q : state_row.Q + 4]
     if scale > 0.0:
         for k in range(3):
             x[X_V + k] += scale * _V_NOISE * normal(rng)
@@ -80,12 +75,12 @@ def observe(rows, i, shared, rho):
     c, state, x = shared.config, rows.state[i], rows.scratch[i]
     odometry(rows, i)
     p, v, q = x[X_P : X_P + 3], x[X_V : X_V + 3], x[X_Q : X_Q + 4]
-    gain, drag = 1.0, shared.nominal[DRAG] / shared.nominal[MASS]
+    gain, drag = 1.0, shared.nominal[airframe_row.DRAG] / shared.nominal[airframe_row.MASS]
     if c[C_GAIN] > 0.0:
         zx, zy, zz = body_z(q)
-        lag, asked = shared.nominal[MOTOR_LAG] + 0.01, state[S_COMMAND + 3]
+        lag, asked = shared.nominal[airframe_row.MOTOR_LAG] + 0.01, state[S_COMMAND + 3]
         gain = gain_update(rows.gain[i], v[0], v[1], v[2], zx, zy, zz, asked, TICK, lag, drag, GRAVITY)
-        drag = rows.gain[i, G_DRAG]
+        drag = rows.gain[i, thrust_row.DRAG]
     seeing = c[C_VISION] > 0.0 and c[C_AUGMENTATION] > 0.0
     sigma, stride = surface_sigma(rows.belief[i]) if seeing else 0.0, int(c[C_STRIDE])
     now = state[S_STEP] * TICK
@@ -98,4 +93,4 @@ def observe(rows, i, shared, rho):
     for k in range(FUTURE):
         step = min(begin + (k + 1) * ahead, rows.track.shape[1] - 1)
         write_entry(rows.track[i, step], step * TICK, x, 0)
-        relative_entry(x, 0, rows.vehicle[i], cos, sin, now, rows.future[i], k * ENTRY_DIM)
+        relative_entry(x, 0, rows.vehicle[i], cos, sin, now, rows.future[i], k * entry_row.DIM)

@@ -74,10 +74,10 @@ from policies.environment.vision import latency_now, look, see
 from policies.estimation.board_ekf import belief_reset, belief_valid
 from policies.estimation.thrust_drag import gain_reset, gain_update
 from policies.task.observation import action_from_command, clear_history
+from vehicle.camera import camera_row
 from vehicle.camera.noise import draw_bias
-from vehicle.camera.pinhole import TILT
-from vehicle.quadrotor.airframe import DRAG, GRAVITY, INERTIA, MASS, MOTOR_LAG, MOTOR_THRUST, RATE_K
-from vehicle.quadrotor.dynamics import COMMAND, HEADROOM_UP, MOTOR, ND, WIND, F, P, Q, V, W
+from vehicle.quadrotor import airframe_row, state_row
+from vehicle.quadrotor.airframe import GRAVITY
 from vehicle.quadrotor.rate_control import settle_filters
 
 _TRIES = 40  # redraws of the start until the board is in view (paper App. "Initial Conditions")
@@ -90,17 +90,17 @@ def _draw_vehicle(rows, i, shared):
     params[:] = shared.nominal
     mass = uniform(rng, 1.0 - c[C_MASS], 1.0 + c[C_MASS])
     inertia = uniform(rng, 1.0 - c[C_INERTIA], 1.0 + c[C_INERTIA])
-    params[MASS] *= mass
-    params[MOTOR_THRUST] *= mass * uniform(rng, 1.0 - c[C_TWR], 1.0 + c[C_TWR])
+    params[airframe_row.MASS] *= mass
+    params[airframe_row.MOTOR_THRUST] *= mass * uniform(rng, 1.0 - c[C_TWR], 1.0 + c[C_TWR])
     drag = max(0.0, uniform(rng, c[C_DRAG_LOW], c[C_DRAG_HIGH]))
     gain = uniform(rng, c[C_RATE_GAIN_LOW], c[C_RATE_GAIN_HIGH])
     for k in range(3):
-        params[INERTIA + k] *= inertia
-        params[DRAG + k] *= drag
-        params[RATE_K + k] *= gain
-    params[MOTOR_LAG] *= uniform(rng, c[C_MOTOR_LAG_LOW], c[C_MOTOR_LAG_HIGH])
+        params[airframe_row.INERTIA + k] *= inertia
+        params[airframe_row.DRAG + k] *= drag
+        params[airframe_row.RATE_K + k] *= gain
+    params[airframe_row.MOTOR_LAG] *= uniform(rng, c[C_MOTOR_LAG_LOW], c[C_MOTOR_LAG_HIGH])
     rows.camera[i] = shared.camera
-    rows.camera[i, TILT] += uniform(rng, -c[C_CAMERA_TILT], c[C_CAMERA_TILT])
+    rows.camera[i, camera_row.TILT] += uniform(rng, -c[C_CAMERA_TILT], c[C_CAMERA_TILT])
     state[S_PERIOD] = 1.0 / uniform(rng, c[C_DET_LOW], c[C_DET_HIGH])
     state[S_LATENCY] = uniform(rng, c[C_LATENCY_LOW], c[C_LATENCY_HIGH])
     share = uniform(rng, 0.0, 1.0) ** c[C_NOISE_POWER]
@@ -114,31 +114,31 @@ def _draw_vehicle(rows, i, shared):
 def _place(rows, i, shared, board, calm):
     """Put the drone behind and above `board` (paper's table "Initialization parameters"); `calm`: hovering level."""
     c, rng, vehicle = shared.config, rows.rng[i], rows.vehicle[i]
-    for k in range(ND):
+    for k in range(state_row.DIM):
         vehicle[k] = 0.0
     distance = uniform(rng, c[C_DISTANCE_LOW], c[C_DISTANCE_HIGH])
     bearing = board[3] + math.pi + uniform(rng, -c[C_AZIMUTH], c[C_AZIMUTH])
-    vehicle[P] = board[0] + distance * math.cos(bearing)
-    vehicle[P + 1] = board[1] + distance * math.sin(bearing)
-    vehicle[P + 2] = board[2] + uniform(rng, c[C_HEIGHT_LOW], c[C_HEIGHT_HIGH])
+    vehicle[state_row.P] = board[0] + distance * math.cos(bearing)
+    vehicle[state_row.P + 1] = board[1] + distance * math.sin(bearing)
+    vehicle[state_row.P + 2] = board[2] + uniform(rng, c[C_HEIGHT_LOW], c[C_HEIGHT_HIGH])
     scale = 0.0 if calm else 1.0
     yaw = bearing + math.pi + uniform(rng, -c[C_YAW0], c[C_YAW0])
     roll, pitch = scale * uniform(rng, -c[C_TILT0], c[C_TILT0]), scale * uniform(rng, -c[C_TILT0], c[C_TILT0])
     q = from_euler(roll, pitch, yaw)
     for k in range(4):
-        vehicle[Q + k] = q[k]
+        vehicle[state_row.Q + k] = q[k]
     for k in range(3):
         rate = c[C_RATE0_Z] if k == 2 else c[C_RATE0_XY]
-        vehicle[W + k] = scale * uniform(rng, -rate, rate)
+        vehicle[state_row.W + k] = scale * uniform(rng, -rate, rate)
         speed = c[C_V0_Z] if k == 2 else c[C_V0_XY]
-        vehicle[V + k] = scale * uniform(rng, -speed, speed)
-        vehicle[HEADROOM_UP + k] = vehicle[HEADROOM_UP + 3 + k] = 1.0
+        vehicle[state_row.V + k] = scale * uniform(rng, -speed, speed)
+        vehicle[state_row.HEADROOM_UP + k] = vehicle[state_row.HEADROOM_UP + 3 + k] = 1.0
     angle, wind = uniform(rng, -math.pi, math.pi), c[C_WIND] * uniform(rng, 0.0, 1.0)
-    vehicle[WIND], vehicle[WIND + 1] = wind * math.cos(angle), wind * math.sin(angle)
-    hover = rows.params[i, MASS] * GRAVITY / (4.0 * rows.params[i, MOTOR_THRUST])
+    vehicle[state_row.WIND], vehicle[state_row.WIND + 1] = wind * math.cos(angle), wind * math.sin(angle)
+    hover = rows.params[i, airframe_row.MASS] * GRAVITY / (4.0 * rows.params[i, airframe_row.MOTOR_THRUST])
     for k in range(4):
-        vehicle[MOTOR + k] = vehicle[COMMAND + k] = min(1.0, hover)
-    vehicle[F + 2] = GRAVITY
+        vehicle[state_row.MOTOR + k] = vehicle[state_row.COMMAND + k] = min(1.0, hover)
+    vehicle[state_row.F + 2] = GRAVITY
     settle_filters(vehicle, rows.params[i], TICK / shared.config[C_SUBSTEPS])
 
 
@@ -146,7 +146,10 @@ def _place(rows, i, shared, board, calm):
 def _watch(rows, i, shared, steps):
     """Hover for `steps` control steps and look, from step 0. True if the filter then knows the board."""
     state = rows.state[i]
-    hover, drag = GRAVITY / true_gain(rows, i, shared), shared.nominal[DRAG] / shared.nominal[MASS]
+    hover, drag = (
+        GRAVITY / true_gain(rows, i, shared),
+        shared.nominal[airframe_row.DRAG] / shared.nominal[airframe_row.MASS],
+    )
     for k in range(steps + 1):
         state[S_STEP] = k
         perceive(rows, i, shared, rows.track[i, k], latency_now(rows, i) if k > 0 or steps > 0 else 0.0)

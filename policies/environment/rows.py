@@ -10,18 +10,14 @@ import numpy as np
 from kernel.random import stream
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.motion import MOTION_DIM
-from policies.estimation.board_ekf import BELIEF_DIM
-from policies.estimation.thrust_drag import GAIN_DIM
-from policies.task.contact import RESULT_DIM
-from policies.task.observation import ENTRY_DIM, OBS_DIM, history_dim
-from policies.task.reward import TERMS_DIM
-from vehicle.camera.pinhole import CAM_DIM
-from vehicle.quadrotor.airframe import NP
-from vehicle.quadrotor.batch import ORDER_DIM
-from vehicle.quadrotor.dynamics import ND
+from policies.estimation import belief_row, thrust_row
+from policies.task import entry_row, result_row, terms_row
+from policies.task.observation import OBS_DIM, history_dim
+from vehicle.camera import camera_row
+from vehicle.quadrotor import airframe_row, order_row, state_row
 
 FUTURE = 15  # N of the paper: future board states for the critic
-FUTURE_DIM = FUTURE * ENTRY_DIM
+FUTURE_DIM = FUTURE * entry_row.DIM
 
 # Columns of a state row. Times are seconds since the reset; a step is 10 ms.
 S_STEP, S_BEGIN, S_FILLED = 0, 1, 2  # present step; step at which the policy took over; last step of the track known
@@ -42,8 +38,10 @@ QUEUE, SLOT = 8, 12
 S_DIM = S_QUEUE + QUEUE * SLOT
 
 # Columns of an ended row: the contact result of the episode that ended, then these.
-E_STEPS, E_SEEN, E_RHO, E_RETURN, E_SPEED, E_INCLINATION, E_FAMILY, E_LAW, E_ERROR = range(RESULT_DIM, RESULT_DIM + 9)
-ENDED_DIM = RESULT_DIM + 9
+E_STEPS, E_SEEN, E_RHO, E_RETURN, E_SPEED, E_INCLINATION, E_FAMILY, E_LAW, E_ERROR = range(
+    result_row.DIM, result_row.DIM + 9
+)
+ENDED_DIM = result_row.DIM + 9
 
 # Slices of a scratch row.
 X_OBSERVED, X_Z, X_R, X_COMMAND, X_BOARD, X_Q, X_P, X_V, X_SIGMA = 0, 10, 15, 20, 24, 32, 36, 39, 42
@@ -102,22 +100,22 @@ def allocate(config: EnvConfig) -> Rows:
         return np.zeros((n, *shape), dtype=dtype)
 
     return Rows(
-        vehicle=zeros(ND),
-        params=zeros(NP),
-        order=zeros(ORDER_DIM),
+        vehicle=zeros(state_row.DIM),
+        params=zeros(airframe_row.DIM),
+        order=zeros(order_row.DIM),
         motion=zeros(MOTION_DIM),
         track=zeros(track_length(config), 8),
-        belief=zeros(BELIEF_DIM),
+        belief=zeros(belief_row.DIM),
         history=zeros(history_dim(config.stride)),
-        camera=zeros(CAM_DIM),
-        gain=zeros(GAIN_DIM),
+        camera=zeros(camera_row.DIM),
+        gain=zeros(thrust_row.DIM),
         state=zeros(S_DIM),
         rng=rng,
         believed=zeros(8),
         scratch=zeros(SCRATCH_DIM),
-        result=zeros(RESULT_DIM),
+        result=zeros(result_row.DIM),
         ended=zeros(ENDED_DIM),
-        terms=zeros(TERMS_DIM),
+        terms=zeros(terms_row.DIM),
         observation=zeros(OBS_DIM, dtype=np.float32),
         future=zeros(FUTURE_DIM, dtype=np.float32),
         reward=zeros(),

@@ -43,13 +43,14 @@ from policies.environment.rows import (
     X_COMMAND,
 )
 from policies.environment.vision import latency_now
-from policies.estimation.board_ekf import B_T
-from policies.task.contact import ONGOING, RESULT_DIM, evaluate
+from policies.estimation import belief_row
+from policies.task import result_row
+from policies.task.contact import ONGOING, evaluate
 from policies.task.observation import command_from_action
 from policies.task.reward import active_perception, shaping, terminal, total
 from vehicle.camera.pinhole import camera_position, optical_axis
-from vehicle.quadrotor.batch import LANES, NEWER, OLDER, SINCE, fly_block
-from vehicle.quadrotor.dynamics import P, Q, V, W
+from vehicle.quadrotor import order_row, state_row
+from vehicle.quadrotor.batch import LANES, fly_block
 
 
 @njit
@@ -59,9 +60,11 @@ def _order(rows, i, shared, action):
     command_from_action(action, command)
     substeps = int(shared.config[C_SUBSTEPS])
     whole = int(state[S_DELAY]) // substeps
-    order[SINCE] = int(state[S_DELAY]) % substeps
-    order[NEWER : NEWER + 4] = command if whole == 0 else state[S_COMMAND : S_COMMAND + 4]
-    order[OLDER : OLDER + 4] = state[S_COMMAND : S_COMMAND + 4] if whole == 0 else state[S_BEFORE : S_BEFORE + 4]
+    order[order_row.SINCE] = int(state[S_DELAY]) % substeps
+    order[order_row.NEWER : order_row.NEWER + 4] = command if whole == 0 else state[S_COMMAND : S_COMMAND + 4]
+    order[order_row.OLDER : order_row.OLDER + 4] = (
+        state[S_COMMAND : S_COMMAND + 4] if whole == 0 else state[S_BEFORE : S_BEFORE + 4]
+    )
     state[S_BEFORE : S_BEFORE + 4] = state[S_COMMAND : S_COMMAND + 4]
     state[S_COMMAND : S_COMMAND + 4] = command
 
@@ -70,13 +73,13 @@ def _order(rows, i, shared, action):
 def _active(rows, i, shared, board, now):
     """Active-perception terms of row i (paper Sec. "Active Perception Rewards")."""
     vehicle, state = rows.vehicle[i], rows.state[i]
-    q = vehicle[Q : Q + 4]
-    cx, cy, cz = camera_position(vehicle[P : P + 3], q, rows.camera[i])
+    q = vehicle[state_row.Q : state_row.Q + 4]
+    cx, cy, cz = camera_position(vehicle[state_row.P : state_row.P + 3], q, rows.camera[i])
     ax, ay, az = optical_axis(q, rows.camera[i])
     dx, dy, dz = board[0] - cx, board[1] - cy, board[2] - cz
     cosine = (dx * ax + dy * ay + dz * az) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-6)
 
-    active_perception(state[S_ERROR], cosine, now - rows.belief[i, B_T], shared.weights, rows.terms[i])
+    active_perception(state[S_ERROR], cosine, now - rows.belief[i, belief_row.TIME], shared.weights, rows.terms[i])
 
 
 @njit
@@ -89,7 +92,12 @@ def _follow(rows, i, shared, action):
     board = x[X_BOARD : X_BOARD + 8]
     board[:] = rows.track[i, step]
     elapsed = (state[S_STEP] - state[S_BEGIN]) * TICK
-    p, v, q, w = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4], vehicle[W : W + 3]
+    p, v, q, w = (
+        vehicle[state_row.P : state_row.P + 3],
+        vehicle[state_row.V : state_row.V + 3],
+        vehicle[state_row.Q : state_row.Q + 4],
+        vehicle[state_row.W : state_row.W + 3],
+    )
     outcome = evaluate(p, v, q, w, board, elapsed, shared.rules, rows.result[i])
     rho = perceive(rows, i, shared, board, latency_now(rows, i))
     terms, weights = rows.terms[i], shared.weights
@@ -120,7 +128,7 @@ def _close(rows, i, board):
     """Keep what is to be known of the episode that ends."""
     state, ended = rows.state[i], rows.ended[i]
     steps = state[S_STEP] - state[S_BEGIN]
-    ended[:RESULT_DIM] = rows.result[i]
+    ended[: result_row.DIM] = rows.result[i]
     ended[E_STEPS], ended[E_SEEN], ended[E_RHO] = steps, state[S_SEEN] / steps, state[S_RHO] / steps
     ended[E_RETURN], ended[E_SPEED], ended[E_INCLINATION] = state[S_RETURN], state[S_SPEED], board[6]
     ended[E_FAMILY], ended[E_LAW], ended[E_ERROR] = state[S_FAMILY], state[S_LAW], state[S_ERROR]

@@ -33,7 +33,7 @@ from policies.estimation.board_ekf import belief_predict, belief_update, measure
 from policies.estimation.ctrv import wrap
 from vehicle.camera.noise import ODOMETRY_SIGMA, POINTING_SIGMA, observe_board
 from vehicle.camera.pinhole import board_row_visibility, optical_axis
-from vehicle.quadrotor.dynamics import P, Q, V
+from vehicle.quadrotor import state_row
 
 _JITTER = 0.003  # s, half-width of the detector's latency within an episode
 
@@ -42,7 +42,9 @@ _JITTER = 0.003  # s, half-width of the detector's latency within an episode
 def look(rows, i, shared, board):
     """Note whether the board is in view now."""
     vehicle = rows.vehicle[i]
-    seen = board_row_visibility(vehicle[P : P + 3], vehicle[Q : Q + 4], board, rows.camera[i])
+    seen = board_row_visibility(
+        vehicle[state_row.P : state_row.P + 3], vehicle[state_row.Q : state_row.Q + 4], board, rows.camera[i]
+    )
     rows.state[i, S_VISIBLE] = seen
     return seen
 
@@ -60,9 +62,9 @@ def expose(rows, i, shared, board, now, latency):
     q[0], q[1], q[2], q[3] = board_quaternion(board)
     v[0], v[1], v[2] = board_velocity(board)
     observe_board(
-        vehicle[P : P + 3],
-        vehicle[Q : Q + 4],
-        vehicle[V : V + 3],
+        vehicle[state_row.P : state_row.P + 3],
+        vehicle[state_row.Q : state_row.Q + 4],
+        vehicle[state_row.V : state_row.V + 3],
         board[0:3],
         q,
         v,
@@ -74,9 +76,13 @@ def expose(rows, i, shared, board, now, latency):
         observed,
     )
     sigma = x[X_SIGMA : X_SIGMA + 3]
-    axis = optical_axis(vehicle[Q : Q + 4], rows.camera[i])
+    axis = optical_axis(vehicle[state_row.Q : state_row.Q + 4], rows.camera[i])
     lateral, depth = observed[7] * observed[7], observed[8] * observed[8]
-    dx, dy, dz = board[0] - vehicle[P], board[1] - vehicle[P + 1], board[2] - vehicle[P + 2]
+    dx, dy, dz = (
+        board[0] - vehicle[state_row.P],
+        board[1] - vehicle[state_row.P + 1],
+        board[2] - vehicle[state_row.P + 2],
+    )
     floor = ODOMETRY_SIGMA**2 + POINTING_SIGMA**2 * (dx * dx + dy * dy + dz * dz)
     for k in range(3):
         sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k] + floor)

@@ -1,17 +1,19 @@
-"""What the drone believes of the board: an extended Kalman filter on late, intermittent poses from the detector.
+"""The belief about the board: an extended Kalman filter on late, intermittent poses from the detector.
 
 State (9): [x, y, z, heading, speed, turn_rate, inclination, acceleration, heading_bias]. The motion model is CTRV
 (paper Sec. "Visibility-Aware Input Augmentation") with a forward acceleration that decays (Singer's model): with
-`accel_sigma` and `calm_accel` 0 it is plain CTRV. How lively the board is driven is estimated beside it
-(`belief_models`). Speed is signed, along the heading; z and inclination are constants that may drift slowly. Headings
-are measured with a constant bias, as errors of mounting do not average out: where the board goes tells it.
+`accel_sigma` and `calm_accel` 0 it is plain CTRV. Two sizes of the acceleration are filtered side by side
+(policies/estimation/imm.py). Speed is signed, along the heading; z and inclination are constants that may drift slowly.
+Headings are measured with a constant bias, because errors of mounting do not average out; the direction in which the
+board moves makes it observable.
 
-Measurement (5): [x, y, z, heading + heading_bias, inclination], its covariance diagonal, gated by the Mahalanobis
-distance. The filter stays at the newest exposure time and is predicted forward for output, so a measurement may be as
-late as it likes; one older than the newest accepted is refused and counted. What the gate refuses is kept aside:
-`reaccept` refusals in a row that agree with each other restart the filter there, so that no loss can lock it out.
+Measurement (5): [x, y, z, heading + heading_bias, inclination], its covariance diagonal, tested by the Mahalanobis
+distance (innovation test). The filter stays at the newest exposure time and is predicted forward for output, so a
+measurement may be late; one older than the newest accepted is refused and counted. Measurements that fail the
+innovation test are kept as candidates: `reaccept` of them in a row that agree with each other restart the filter there,
+so that after a loss it cannot refuse the board for good.
 
-One filter is one float64 row ((BELIEF_DIM,)); times are seconds from an origin of the caller's choice.
+One filter is one belief row (policies.estimation.belief_row); times are seconds from an origin of the caller's choice.
 """
 
 from __future__ import annotations
@@ -22,50 +24,12 @@ import numpy as np
 
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
-from policies.estimation.ctrv import (
-    ACCEL_TAU,
-    BIAS_HEADING,
-    GATE,
-    LAMBDA_RHO,
-    LIVELY,
-    LOSS_AFTER,
-    MAX_AGE,
-    MAX_SPEED,
-    MAX_TURN,
-    REACCEPT,
-    REACCEPT_LOSS,
-    SPEED0,
-    SPEED_SIGMA,
-    TURN_SIGMA,
-    TURN_TAU,
-    VALID_AFTER,
-    N,
-    advance,
-    advance_state,
-    steps_in,
-    wrap,
-)
-from policies.estimation.imm import MODEL_DIM, MODELS, combine, judge, mix, model_state, start_models
+from policies.estimation import belief_row, belief_state, filter_row, measured_row
+from policies.estimation.ctrv import LIVELY, advance, advance_state, steps_in, wrap
+from policies.estimation.imm import combine, judge, mix, model_state, start_models
 
-M = 5
-_MEASURED = (0, 1, 2, 3, 6)  # indices of the state that a measurement sees
-
-# Indices of a belief row. Slices: state B_X:B_X+N, covariance B_P:B_P+N*N (row-major).
-B_X, B_P = 0, N
-B_T = N + N * N  # s, exposure time of the newest accepted measurement
-B_FIRST_T = B_T + 1  # s, of the first accepted one since the last (re)start
-B_ACCEPTED, B_REJECTED, B_NIS = B_T + 2, B_T + 3, B_T + 4  # counts; B_NIS: innovation squared, of the newest one gated
-B_STREAK = B_T + 5  # accepted since the last (re)start; 0: nothing is known
-B_CANDIDATES, B_CANDIDATE_T, B_CANDIDATE_Z = (
-    B_T + 6,
-    B_T + 7,
-    B_T + 8,
-)  # refused in a row that agree; the newest of them
-B_WEIGHTS = B_CANDIDATE_Z + M  # of the ways of driving
-_ALL = MODELS * MODEL_DIM
-_MODELS = B_WEIGHTS + MODELS
-_TRIAL, _PRIOR, _MISFIT = _MODELS + _ALL, _MODELS + 2 * _ALL, _MODELS + 2 * _ALL + MODELS  # scratch
-BELIEF_DIM = _MISFIT + 2 * MODELS
+# Indices of the state that a measurement sees, in the order of measured_row.
+_MEASURED = (belief_state.X, belief_state.Y, belief_state.Z, belief_state.HEADING, belief_state.INCLINATION)
 
 ACCEPTED, RESTARTED, GATED, OUT_OF_ORDER, NOT_FINITE, IMPLAUSIBLE = 0, 1, 2, 3, 4, 5
 CODES = ("accepted", "restarted", "gated", "out_of_order", "not_finite", "implausible")
@@ -85,106 +49,144 @@ def measurement_from_pose(position, quaternion, sigma_position, sigma_rotation, 
     for i in range(3):
         z[i] = position[i]
         r[i] = sigma_position[i] * sigma_position[i]
-    z[3] = math.atan2(-yx, yy)
-    z[4] = math.atan2(xz, zz)
-    r[3] = sigma_rotation * sigma_rotation
-    r[4] = sigma_rotation * sigma_rotation
+    z[measured_row.HEADING] = math.atan2(-yx, yy)
+    z[measured_row.INCLINATION] = math.atan2(xz, zz)
+    r[measured_row.HEADING] = sigma_rotation * sigma_rotation
+    r[measured_row.INCLINATION] = sigma_rotation * sigma_rotation
     slack = 4.0 * sigma_rotation
-    return abs(yz) < math.sin(min(1.5, 0.35 + slack)) and -0.2 - slack < z[4] < 1.75 + slack
+    return abs(yz) < math.sin(min(1.5, 0.35 + slack)) and -0.2 - slack < z[measured_row.INCLINATION] < 1.75 + slack
 
 
 @njit
 def belief_reset(row):
-    """Forget everything."""
+    """Return to the state before the first measurement, counts included."""
     row[:] = 0.0
+
+
+@njit(inline="always")
+def _covariance(a, b):
+    """Index in a belief row of the covariance of state numbers `a` and `b`."""
+    return belief_row.COVARIANCE + a * belief_state.DIM + b
 
 
 @njit
 def _start(row, t, z, r, params, restart):
     """Begin at a measurement. A restart keeps the old speed and turn rate as the mean of the prior."""
-    speed, turn = (row[B_X + 4], row[B_X + 5]) if restart else (params[SPEED0], 0.0)
-    row[B_X:B_T] = 0.0
-    for i in range(M):
+    speed, turn = (
+        (row[belief_row.STATE + belief_state.SPEED], row[belief_row.STATE + belief_state.TURN_RATE])
+        if restart
+        else (params[filter_row.SPEED0], 0.0)
+    )
+    row[belief_row.STATE : belief_row.TIME] = 0.0
+    for i in range(measured_row.DIM):
         j = _MEASURED[i]
-        row[B_X + j] = z[i]
-        row[B_P + j * (N + 1)] = r[i]
-    bias = params[BIAS_HEADING] ** 2
-    row[B_P + 3 * (N + 1)] += bias
-    row[B_P + 8 * (N + 1)] = bias
-    row[B_P + 3 * N + 8] = row[B_P + 8 * N + 3] = -bias
-    row[B_X + 4], row[B_X + 5] = speed, turn
-    row[B_P + 4 * (N + 1)] = params[SPEED_SIGMA] ** 2
-    row[B_P + 5 * (N + 1)] = params[TURN_SIGMA] ** 2
-    start_models(row[B_X:B_P], row[B_P:B_T], params, r, row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL])
-    combine(row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL], row[B_X:B_P], row[B_P:B_T])
-    row[B_T], row[B_FIRST_T], row[B_STREAK], row[B_CANDIDATES] = t, t, 1.0, 0.0
-    row[B_ACCEPTED] += 1.0
+        row[belief_row.STATE + j] = z[i]
+        row[_covariance(j, j)] = r[i]
+    bias = params[filter_row.BIAS_HEADING] ** 2
+    row[_covariance(belief_state.HEADING, belief_state.HEADING)] += bias
+    row[_covariance(belief_state.HEADING_BIAS, belief_state.HEADING_BIAS)] = bias
+    row[_covariance(belief_state.HEADING, belief_state.HEADING_BIAS)] = -bias
+    row[_covariance(belief_state.HEADING_BIAS, belief_state.HEADING)] = -bias
+    row[belief_row.STATE + belief_state.SPEED], row[belief_row.STATE + belief_state.TURN_RATE] = speed, turn
+    row[_covariance(belief_state.SPEED, belief_state.SPEED)] = params[filter_row.SPEED_SIGMA] ** 2
+    row[_covariance(belief_state.TURN_RATE, belief_state.TURN_RATE)] = params[filter_row.TURN_SIGMA] ** 2
+    start_models(
+        row[belief_row.STATE : belief_row.COVARIANCE],
+        row[belief_row.COVARIANCE : belief_row.TIME],
+        params,
+        r,
+        row[belief_row.WEIGHTS : belief_row.MODELS],
+        row[belief_row.MODELS : belief_row.TRIAL],
+    )
+    combine(
+        row[belief_row.WEIGHTS : belief_row.MODELS],
+        row[belief_row.MODELS : belief_row.TRIAL],
+        row[belief_row.STATE : belief_row.COVARIANCE],
+        row[belief_row.COVARIANCE : belief_row.TIME],
+    )
+    row[belief_row.TIME] = row[belief_row.FIRST_TIME] = t
+    row[belief_row.STREAK], row[belief_row.CANDIDATES] = 1.0, 0.0
+    row[belief_row.ACCEPTED] += 1.0
 
 
 @njit
 def _refused(row, t, z, r, params):
-    """Count a gated measurement and compare it with the one refused before: True if enough in a row agree."""
-    dt = t - row[B_CANDIDATE_T]
-    agrees = row[B_CANDIDATES] > 0.0 and 0.0 < dt < 0.5
+    """Count a refused measurement and compare it with the one refused before: True if enough in a row agree."""
+    dt = t - row[belief_row.CANDIDATE_TIME]
+    agrees = row[belief_row.CANDIDATES] > 0.0 and 0.0 < dt < 0.5
     if agrees:
-        old = row[B_CANDIDATE_Z : B_CANDIDATE_Z + M]
-        dx, dy, dz = z[0] - old[0], z[1] - old[1], z[2] - old[2]
-        reach = params[MAX_SPEED] * dt + 4.0 * math.sqrt(r[0] + r[1] + r[2])
+        old = row[belief_row.CANDIDATE : belief_row.CANDIDATE + measured_row.DIM]
+        dx, dy, dz = (
+            z[measured_row.X] - old[measured_row.X],
+            z[measured_row.Y] - old[measured_row.Y],
+            z[measured_row.Z] - old[measured_row.Z],
+        )
+        reach = params[filter_row.MAX_SPEED] * dt + 4.0 * math.sqrt(
+            r[measured_row.X] + r[measured_row.Y] + r[measured_row.Z]
+        )
         agrees = (
             dx * dx + dy * dy + dz * dz < reach * reach
-            and abs(wrap(z[3] - old[3])) < params[MAX_TURN] * dt + 5.0 * math.sqrt(r[3])
-            and abs(z[4] - old[4]) < 0.02 + 5.0 * math.sqrt(r[4])
+            and abs(wrap(z[measured_row.HEADING] - old[measured_row.HEADING]))
+            < params[filter_row.MAX_TURN] * dt + 5.0 * math.sqrt(r[measured_row.HEADING])
+            and abs(z[measured_row.INCLINATION] - old[measured_row.INCLINATION])
+            < 0.02 + 5.0 * math.sqrt(r[measured_row.INCLINATION])
         )
-    row[B_CANDIDATES] = row[B_CANDIDATES] + 1.0 if agrees else 1.0
-    row[B_CANDIDATE_T] = t
-    row[B_CANDIDATE_Z : B_CANDIDATE_Z + M] = z
-    needed = 2.0 if t - row[B_T] > params[REACCEPT_LOSS] else params[REACCEPT]
-    return row[B_CANDIDATES] >= needed
+    row[belief_row.CANDIDATES] = row[belief_row.CANDIDATES] + 1.0 if agrees else 1.0
+    row[belief_row.CANDIDATE_TIME] = t
+    row[belief_row.CANDIDATE : belief_row.CANDIDATE + measured_row.DIM] = z
+    needed = 2.0 if t - row[belief_row.TIME] > params[filter_row.REACCEPT_LOSS] else params[filter_row.REACCEPT]
+    return row[belief_row.CANDIDATES] >= needed
 
 
 @njit
 def belief_update(row, t, z, r, params):
     """Feed one measurement: `t` s its exposure, `z` (5,), `r` (5,) variances. Returns one of the codes above.
 
-    Everything but ACCEPTED and RESTARTED leaves the estimate as it was and is counted in B_REJECTED.
+    Everything but ACCEPTED and RESTARTED leaves the estimate as it was and is counted in REJECTED.
     """
     fine = math.isfinite(t)
-    for i in range(M):
+    for i in range(measured_row.DIM):
         fine = fine and math.isfinite(z[i]) and math.isfinite(r[i]) and r[i] > 0.0
     if not fine:
-        row[B_REJECTED] += 1.0
+        row[belief_row.REJECTED] += 1.0
         return NOT_FINITE
-    if row[B_STREAK] == 0.0:
+    if row[belief_row.STREAK] == 0.0:
         _start(row, t, z, r, params, False)
         return ACCEPTED
-    if t <= row[B_T] or (row[B_CANDIDATES] > 0.0 and t <= row[B_CANDIDATE_T]):
-        row[B_REJECTED] += 1.0
+    if t <= row[belief_row.TIME] or (row[belief_row.CANDIDATES] > 0.0 and t <= row[belief_row.CANDIDATE_TIME]):
+        row[belief_row.REJECTED] += 1.0
         return OUT_OF_ORDER
-    weights, models, trial = row[B_WEIGHTS:_MODELS], row[_MODELS:_TRIAL], row[_TRIAL:_PRIOR]
-    prior, misfits = row[_PRIOR:_MISFIT], row[_MISFIT:BELIEF_DIM]
-    dt = t - row[B_T]
+    weights, models, trial = (
+        row[belief_row.WEIGHTS : belief_row.MODELS],
+        row[belief_row.MODELS : belief_row.TRIAL],
+        row[belief_row.TRIAL : belief_row.PRIOR],
+    )
+    prior, misfits = row[belief_row.PRIOR : belief_row.MISFIT], row[belief_row.MISFIT : belief_row.DIM]
+    dt = t - row[belief_row.TIME]
     mix(weights, models, dt, params, r, prior, trial, misfits)
     nis = math.inf
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         x, p = model_state(trial, j)
         advance(x, p, dt, params, float(j))
         own, spread = _correct(x, p, z, r)
         misfits[j] = own + spread
         nis = min(nis, own)
-    row[B_NIS] = nis
-    if nis > params[GATE]:
+    row[belief_row.NIS] = nis
+    if nis > params[filter_row.GATE]:
         if _refused(row, t, z, r, params):
             _start(row, t, z, r, params, True)
             return RESTARTED
-        row[B_REJECTED] += 1.0
+        row[belief_row.REJECTED] += 1.0
         return GATED
     judge(prior, misfits, weights)
     models[:] = trial
-    combine(weights, models, row[B_X:B_P], row[B_P:B_T])
-    row[B_T] = t
-    row[B_STREAK] += 1.0
-    row[B_ACCEPTED] += 1.0
-    row[B_CANDIDATES] = 0.0
+    combine(
+        weights, models, row[belief_row.STATE : belief_row.COVARIANCE], row[belief_row.COVARIANCE : belief_row.TIME]
+    )
+    row[belief_row.TIME] = t
+    row[belief_row.STREAK] += 1.0
+    row[belief_row.ACCEPTED] += 1.0
+    row[belief_row.CANDIDATES] = 0.0
     return ACCEPTED
 
 
@@ -194,79 +196,84 @@ def _correct(x, p, z, r):
 
     Returns (the joint NIS, log of the innovation covariance's determinant).
     """
-    nis, spread, seen = 0.0, 0.0, np.empty(N)  # seen: covariance of the state with what is measured
-    for i in range(M):
+    nis, spread, seen = 0.0, 0.0, np.empty(belief_state.DIM)  # seen: covariance of the state with what is measured
+    for i in range(measured_row.DIM):
         j = _MEASURED[i]
-        biased = 1.0 if j == 3 else 0.0
-        for a in range(N):
-            seen[a] = p[a * N + j] + biased * p[a * N + 8]
-        innovation = wrap(z[i] - x[j] - x[8]) if j == 3 else z[i] - x[j]
-        s = seen[j] + biased * seen[8] + r[i]
+        biased = 1.0 if j == belief_state.HEADING else 0.0
+        for a in range(belief_state.DIM):
+            seen[a] = p[a * belief_state.DIM + j] + biased * p[a * belief_state.DIM + belief_state.HEADING_BIAS]
+        innovation = wrap(z[i] - x[j] - x[belief_state.HEADING_BIAS]) if j == belief_state.HEADING else z[i] - x[j]
+        s = seen[j] + biased * seen[belief_state.HEADING_BIAS] + r[i]
         nis += innovation * innovation / s
         spread += math.log(s)
-        for a in range(N):
+        for a in range(belief_state.DIM):
             x[a] += seen[a] / s * innovation
-            for b in range(N):
-                p[a * N + b] -= seen[a] * seen[b] / s
-    x[3] = wrap(x[3])
+            for b in range(belief_state.DIM):
+                p[a * belief_state.DIM + b] -= seen[a] * seen[b] / s
+    x[belief_state.HEADING] = wrap(x[belief_state.HEADING])
     return nis, spread
 
 
 @njit
 def belief_rho(row, t, params):
     """Reliability: 1 while measurements arrive, then exp(-lambda_rho T_loss); 0 before the first."""
-    if row[B_STREAK] == 0.0:
+    if row[belief_row.STREAK] == 0.0:
         return 0.0
-    return math.exp(-params[LAMBDA_RHO] * max(0.0, t - row[B_T] - params[LOSS_AFTER]))
+    return math.exp(-params[filter_row.LAMBDA_RHO] * max(0.0, t - row[belief_row.TIME] - params[filter_row.LOSS_AFTER]))
 
 
 @njit
 def belief_predict(row, t, params, out):
     """Predict to time `t` (s) into a board row `out` ((8,)): [x, y, z, heading, speed, turn_rate, inclination, 0].
 
-    While nothing is seen the turn rate decays, unlike the paper's (`BeliefParams`). Returns rho. Before the first
+    Without detections the turn rate decays, unlike the paper's (`BeliefParams`). Returns rho. Before the first
     measurement `out` is all zero and rho 0.
     """
-    out[:] = row[B_X : B_X + 8]
-    span = t - row[B_T]
-    if row[B_STREAK] > 0.0 and span > 0.0:
+    out[:] = row[belief_row.STATE : belief_row.STATE + belief_state.PREDICTED_DIM]
+    span = t - row[belief_row.TIME]
+    if row[belief_row.STREAK] > 0.0 and span > 0.0:
         steps = steps_in(span)
         step = span / steps
         for k in range(steps):
-            advance_state(out, step, params[ACCEL_TAU])
-            unseen = min(step, (k + 1) * step - params[LOSS_AFTER])
+            advance_state(out, step, params[filter_row.ACCEL_TAU])
+            unseen = min(step, (k + 1) * step - params[filter_row.LOSS_AFTER])
             if unseen > 0.0:
-                out[5] *= math.exp(-unseen / params[TURN_TAU])
-        out[3] = wrap(out[3])
-    out[7] = 0.0
+                out[belief_state.TURN_RATE] *= math.exp(-unseen / params[filter_row.TURN_TAU])
+        out[belief_state.HEADING] = wrap(out[belief_state.HEADING])
+    out[belief_state.ACCELERATION] = 0.0
     return belief_rho(row, t, params)
 
 
 @njit
 def belief_covariance(row, t, params, x, p):
-    """Predict state (`x` (8,), the last is acceleration) and covariance (`p` (N * N,), row-major) to time `t` (s)."""
-    x[:] = row[B_X : B_X + 8]
-    p[:] = row[B_P : B_P + N * N]
-    advance(x, p, t - row[B_T], params, row[B_WEIGHTS + LIVELY])
-    x[3] = wrap(x[3])
+    """Predict state (`x` (8,), the last is acceleration) and covariance (`p` (81,), row-major) to time `t` (s)."""
+    x[:] = row[belief_row.STATE : belief_row.STATE + belief_state.PREDICTED_DIM]
+    p[:] = row[belief_row.COVARIANCE : belief_row.TIME]
+    advance(x, p, t - row[belief_row.TIME], params, row[belief_row.WEIGHTS + LIVELY])
+    x[belief_state.HEADING] = wrap(x[belief_state.HEADING])
 
 
 @njit
 def surface_sigma(row):
     """How well the board's surface was located when it was last seen: one sigma along its normal, m (at most 0.1).
 
-    It tells good detectors from poor ones, where the predicted covariance tells how long ago they last saw.
+    It measures the detector's quality, whereas the predicted covariance grows with the time since the last detection.
     """
-    if row[B_STREAK] == 0.0:
+    if row[belief_row.STREAK] == 0.0:
         return 0.1
-    nx, ny, nz = board_normal(row[B_X:B_P])
-    p = row[B_P : B_P + 3 * N]
-    variance = nx * nx * p[0] + ny * ny * p[N + 1] + nz * nz * p[2 * N + 2]
-    variance += 2.0 * (nx * ny * p[1] + nx * nz * p[2] + ny * nz * p[N + 2])
+    nx, ny, nz = board_normal(row[belief_row.STATE : belief_row.COVARIANCE])
+    x, y, z = belief_state.X, belief_state.Y, belief_state.Z
+    variance = nx * nx * row[_covariance(x, x)] + ny * ny * row[_covariance(y, y)] + nz * nz * row[_covariance(z, z)]
+    variance += 2.0 * (
+        nx * ny * row[_covariance(x, y)] + nx * nz * row[_covariance(x, z)] + ny * nz * row[_covariance(y, z)]
+    )
     return min(0.1, math.sqrt(max(0.0, variance)))
 
 
 @njit
 def belief_valid(row, t, params):
     """True once enough measurements were accepted since the last (re)start and the newest is not too old."""
-    return row[B_STREAK] >= params[VALID_AFTER] and t - row[B_T] < params[MAX_AGE]
+    return (
+        row[belief_row.STREAK] >= params[filter_row.VALID_AFTER]
+        and t - row[belief_row.TIME] < params[filter_row.MAX_AGE]
+    )

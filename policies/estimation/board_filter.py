@@ -1,4 +1,4 @@
-"""The belief for flight: detections and times in nanoseconds in, the board as believed now out."""
+"""The belief for flight: detections with exposure times (ns) in, the board predicted to now out."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from policies.estimation import belief_row, belief_state, measured_row
 from policies.estimation.board_ekf import (
     ACCEPTED,
-    B_ACCEPTED,
-    B_REJECTED,
-    B_STREAK,
-    BELIEF_DIM,
     CODES,
     IMPLAUSIBLE,
     RESTARTED,
-    M,
     belief_covariance,
     belief_predict,
     belief_reset,
@@ -24,7 +20,7 @@ from policies.estimation.board_ekf import (
     measurement_from_pose,
     surface_sigma,
 )
-from policies.estimation.ctrv import BeliefParams, N
+from policies.estimation.ctrv import BeliefParams
 
 
 class BoardEstimate(NamedTuple):
@@ -48,17 +44,18 @@ class BoardEstimate(NamedTuple):
 
 
 class BoardFilter:
-    """The filter for flight: nanoseconds in, `BoardEstimate` out. `row` is open to the planner."""
+    """The filter for flight: times in ns, `BoardEstimate` out; `row` is a belief row, read by the planner."""
 
     def __init__(self, params: BeliefParams | None = None) -> None:
         self.params = (params or BeliefParams()).row()
-        self.row = np.zeros(BELIEF_DIM)
-        self._z, self._r = np.zeros(M), np.zeros(M)
-        self._x, self._p, self._out = np.zeros(8), np.zeros(N * N), np.zeros(8)
+        self.row = np.zeros(belief_row.DIM)
+        self._z, self._r = np.zeros(measured_row.DIM), np.zeros(measured_row.DIM)
+        self._x, self._out = np.zeros(belief_state.PREDICTED_DIM), np.zeros(belief_state.PREDICTED_DIM)
+        self._p = np.zeros(belief_state.DIM * belief_state.DIM)
         self._origin_ns = self._exposure_ns = 0
 
     def reset(self) -> None:
-        """Forget everything, counts included."""
+        """Return to the state before the first measurement, counts included."""
         belief_reset(self.row)
         self._exposure_ns = 0
 
@@ -78,13 +75,13 @@ class BoardFilter:
 
         `position_sigma` is one number or one for each world axis, m; `orientation_sigma` rad.
         """
-        if self.row[B_STREAK] == 0.0:
+        if self.row[belief_row.STREAK] == 0.0:
             self._origin_ns = exposure_ns
         sigma = np.array(position_sigma, dtype=np.float64) * np.ones(3)
         p, q = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
         sane = measurement_from_pose(p, q, sigma, orientation_sigma, self._z, self._r)
         if not sane and np.isfinite(self._z).all() and np.isfinite(self._r).all():
-            self.row[B_REJECTED] += 1.0
+            self.row[belief_row.REJECTED] += 1.0
             return CODES[IMPLAUSIBLE]
         code = belief_update(self.row, self.seconds(exposure_ns), self._z, self._r, self.params)
         if code in (ACCEPTED, RESTARTED):
@@ -107,10 +104,10 @@ class BoardFilter:
             inclination,
             float(rho),
             self._exposure_ns,
-            int(self.row[B_ACCEPTED]),
-            int(self.row[B_REJECTED]),
-            tuple(float(v) for v in self._p[:: N + 1]),
-            float(self._x[7]),
-            int(self.row[B_STREAK]),
+            int(self.row[belief_row.ACCEPTED]),
+            int(self.row[belief_row.REJECTED]),
+            tuple(float(v) for v in self._p[:: belief_state.DIM + 1]),
+            float(self._x[belief_state.ACCELERATION]),
+            int(self.row[belief_row.STREAK]),
             float(surface_sigma(self.row)),
         )

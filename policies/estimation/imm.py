@@ -1,9 +1,9 @@
-"""Two ways a board may be driven, filtered side by side: an interacting multiple model (Blom and Bar-Shalom 1988).
+"""Two models of the board's acceleration, filtered side by side: an interacting multiple model (Blom, Bar-Shalom 1988).
 
-One size of acceleration does not fit all: what follows the paper's Hard-I law (1.6 m/s^2) adds half to the errors of
-speed on the published noise where the speed hardly changes; where measurements are good it costs nothing, and any delay
-in following a board that brakes costs perches. Both models are the same motion with another acceleration; the
-measurements say which holds, and how good they are whether there is a question.
+One size of acceleration does not fit all motions. The size that follows the paper's Hard-I law (1.6 m/s^2) raises the
+speed error by half under the paper's noise where the speed hardly changes. With precise measurements it costs nothing,
+and a delay in following a board that brakes costs perches. Both models are the same motion with another acceleration;
+the measurements decide which one holds.
 """
 
 from __future__ import annotations
@@ -11,70 +11,73 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit
-from policies.estimation.ctrv import CALM, CALM_NOISE, LIVELY, SETTLE, N, drive_sigma, wrap
+from policies.estimation import belief_row, belief_state, filter_row, measured_row
+from policies.estimation.ctrv import CALM, LIVELY, drive_sigma, wrap
 
-MODELS = 2
-MODEL_DIM = N + N * N  # state, then covariance (row-major)
-_SURE = 0.95  # a calm board may always set off
+_SURE = 0.95  # most prior probability of the calm model: a calm board may accelerate at any time
 
 
 @njit
 def model_state(models, j):
     """State and covariance of model `j` in `models` (MODELS * MODEL_DIM,), as views."""
-    at = j * MODEL_DIM
-    return models[at : at + N], models[at + N : at + MODEL_DIM]
+    at = j * belief_row.MODEL_DIM
+    return models[at : at + belief_state.DIM], models[at + belief_state.DIM : at + belief_row.MODEL_DIM]
 
 
 @njit
 def combine(weights, models, x, p):
     """Mean (`x` (N,)) and covariance (`p` (N * N,)) of the mixture."""
     likeliest = 0
-    for j in range(1, MODELS):
+    for j in range(1, belief_row.MODEL_COUNT):
         likeliest = j if weights[j] > weights[likeliest] else likeliest
     first, _ = model_state(models, likeliest)
     x[:] = 0.0
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         state, _ = model_state(models, j)
-        for a in range(N):
-            difference = wrap(state[a] - first[a]) if a == 3 else state[a] - first[a]
+        for a in range(belief_state.DIM):
+            difference = wrap(state[a] - first[a]) if a == belief_state.HEADING else state[a] - first[a]
             x[a] += weights[j] * difference
-    for a in range(N):
+    for a in range(belief_state.DIM):
         x[a] += first[a]
-    x[3] = wrap(x[3])
+    x[belief_state.HEADING] = wrap(x[belief_state.HEADING])
     p[:] = 0.0
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         state, covariance = model_state(models, j)
-        for a in range(N):
-            da = wrap(state[a] - x[a]) if a == 3 else state[a] - x[a]
-            for b in range(N):
-                db = wrap(state[b] - x[b]) if b == 3 else state[b] - x[b]
-                p[a * N + b] += weights[j] * (covariance[a * N + b] + da * db)
+        for a in range(belief_state.DIM):
+            da = wrap(state[a] - x[a]) if a == belief_state.HEADING else state[a] - x[a]
+            for b in range(belief_state.DIM):
+                db = wrap(state[b] - x[b]) if b == belief_state.HEADING else state[b] - x[b]
+                p[a * belief_state.DIM + b] += weights[j] * (covariance[a * belief_state.DIM + b] + da * db)
 
 
 @njit
 def expected(params, r, out):
-    """Probability of each model before anything is known but the noise of positions (variances `r`), into `out`."""
-    noise = math.sqrt(0.5 * (r[0] + r[1])) / params[CALM_NOISE]
+    """Prior probability of each model, given the measurement's variances `r` alone, into `out`."""
+    noise = math.sqrt(0.5 * (r[measured_row.X] + r[measured_row.Y])) / params[filter_row.CALM_NOISE]
     out[CALM] = _SURE * min(1.0, max(0.0, noise - 1.0))
     out[LIVELY] = 1.0 - out[CALM]
 
 
 @njit
 def mix(weights, models, dt, params, r, prior, mixed, scratch):
-    """What each model starts from after `dt` s in which the way of driving may have changed.
+    """Interaction step: what each model starts from after `dt` s in which the model may have changed.
 
-    `r`: variances of what is measured then. `prior` (MODELS,) gets the models' probabilities before that, `mixed` their
+    `r`: variances of the measurement then. `prior` (MODELS,) gets the models' probabilities before that, `mixed` their
     states; `scratch` (2 * MODELS,).
     """
-    kept, share, usual = math.exp(-dt / params[SETTLE]), scratch[:MODELS], scratch[MODELS:]
+    kept, share, usual = (
+        math.exp(-dt / params[filter_row.SETTLE]),
+        scratch[: belief_row.MODEL_COUNT],
+        scratch[belief_row.MODEL_COUNT :],
+    )
     expected(params, r, usual)
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         total = 0.0
-        for i in range(MODELS):
+        for i in range(belief_row.MODEL_COUNT):
             share[i] = weights[i] * ((1.0 - kept) * usual[j] + (kept if i == j else 0.0))
             total += share[i]
         prior[j] = total
-        for i in range(MODELS):
+        for i in range(belief_row.MODEL_COUNT):
             share[i] = share[i] / total if total > 0.0 else weights[i]
         x, p = model_state(mixed, j)
         combine(share, models, x, p)
@@ -84,21 +87,21 @@ def mix(weights, models, dt, params, r, prior, mixed, scratch):
 def judge(prior, misfits, weights):
     """Probabilities after a measurement whose -2 log likelihood under each model is `misfits`, into `weights`."""
     least = math.inf
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         least = min(least, misfits[j]) if prior[j] > 0.0 else least
     total = 0.0
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         weights[j] = prior[j] * math.exp(-0.5 * (misfits[j] - least)) if prior[j] > 0.0 else 0.0
         total += weights[j]
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         weights[j] /= total
 
 
 @njit
 def start_models(x, p, params, r, weights, models):
-    """Every model from one state; how large the acceleration may be is each one's own."""
+    """Start every model from one state; each has its own variance of the acceleration."""
     expected(params, r, weights)
-    for j in range(MODELS):
+    for j in range(belief_row.MODEL_COUNT):
         state, covariance = model_state(models, j)
         state[:], covariance[:] = x, p
-        covariance[7 * (N + 1)] = drive_sigma(params, float(j)) ** 2
+        covariance[belief_state.ACCELERATION * (belief_state.DIM + 1)] = drive_sigma(params, float(j)) ** 2

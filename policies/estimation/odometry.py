@@ -1,7 +1,7 @@
 """The vehicle's estimate of itself, brought from its stamp to now: it is a control tick old when a policy reads it.
 
-In a flare the vehicle brakes by 10 m/s^2 and turns by 3 rad/s: 10 ms are 0.1 m/s and 2 deg, and a plan that begins with
-those ends centimetres behind a board that moves.
+In a flare the vehicle brakes at 10 m/s^2 and turns at 3 rad/s: 10 ms are 0.1 m/s and 2 deg. A plan that starts with
+that error ends centimetres behind a moving board.
 """
 
 from __future__ import annotations
@@ -10,17 +10,16 @@ import numpy as np
 
 from kernel.jit import njit
 from kernel.rotations import body_z, from_rotation_vector, multiply
+from policies.estimation import odometry_row
 from policies.task.interface import VehicleView
 from vehicle.quadrotor.airframe import GRAVITY
-
-NOW_P, NOW_V, NOW_Q, NOW_DIM = 0, 3, 6, 10  # of a `vehicle_now` row: position, velocity, orientation
 
 
 @njit
 def vehicle_now(age, p, v, q, w, thrust, drag, out):
     """Position, velocity (world) and orientation (wxyz, world from body) `age` s after the estimate, into `out` (10,).
 
-    `p`, `v`, `w` (3,), `q` (4,): the estimate, with body rate `w` rad/s (FLU); `thrust`: what the motors gave since
+    `p`, `v`, `w` (3,), `q` (4,): the estimate, with body rate `w` rad/s (FLU); `thrust`: that of the motors since
     then, m/s^2 along the body z axis; `drag` 1/s. Both are held over `age`.
     """
     turn = from_rotation_vector(age * w[0], age * w[1], age * w[2])
@@ -30,16 +29,20 @@ def vehicle_now(age, p, v, q, w, thrust, drag, out):
     for i in range(3):
         z = zx if i == 0 else (zy if i == 1 else zz)
         a = thrust * z - drag * v[i] - (GRAVITY if i == 2 else 0.0)
-        out[NOW_P + i] = p[i] + age * (v[i] + 0.5 * age * a)
-        out[NOW_V + i] = v[i] + age * a
+        out[odometry_row.P + i] = p[i] + age * (v[i] + 0.5 * age * a)
+        out[odometry_row.V + i] = v[i] + age * a
     for i in range(4):
-        out[NOW_Q + i] = turned[i]
+        out[odometry_row.Q + i] = turned[i]
 
 
 def odometry_now(
     now_ns: int, vehicle: VehicleView, thrust: float, drag: float, row: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(position, velocity, orientation) of `vehicle` at `now_ns`, as views of `row` ((NOW_DIM,)); see `vehicle_now`."""
+    """(position, velocity, orientation) of `vehicle` at `now_ns`: views of an odometry row. See `vehicle_now`."""
     age = (now_ns - vehicle.stamp_ns) * 1e-9
     vehicle_now(age, vehicle.position, vehicle.velocity, vehicle.orientation, vehicle.body_rate, thrust, drag, row)
-    return row[NOW_P:NOW_V], row[NOW_V:NOW_Q], row[NOW_Q:NOW_DIM]
+    return (
+        row[odometry_row.P : odometry_row.V],
+        row[odometry_row.V : odometry_row.Q],
+        row[odometry_row.Q : odometry_row.DIM],
+    )

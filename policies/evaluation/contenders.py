@@ -1,5 +1,4 @@
-"""Whatever can be put through the tables, by name: a network, the planners, the expert that knows the future, and the
-paper's model-based baseline."""
+"""All that can be evaluated, by name: networks, planners, the expert on privileged information, Fast-Perching."""
 
 from __future__ import annotations
 
@@ -34,7 +33,7 @@ class OnnxPolicy:
 
 
 class Expert:
-    """The teacher flying: it knows the board's future and the thrust gain. An upper bound, not a policy."""
+    """The expert teacher flying on privileged information: an upper bound, not a policy."""
 
     def __init__(self) -> None:
         self._env: Env | None = None
@@ -47,7 +46,7 @@ class Expert:
 
 @dataclass(frozen=True)
 class Contender:
-    """A policy and what it was made for."""
+    """A policy and the environment that it was made for."""
 
     name: str
     policy: Policy
@@ -56,7 +55,7 @@ class Contender:
     airframe: str = EnvConfig.airframe
 
     def config(self, stage: str | None, seed: int, **changes: object) -> EnvConfig:
-        """The environment to judge it in; `stage` None: its own. Odometry is perfect in the state stage.
+        """The environment to evaluate it in; `stage` None: its own. Odometry is perfect in the state stage.
 
         `seed`: the environment's, see `evaluate.evaluation_seed`; `changes`: further settings of EnvConfig.
         """
@@ -67,7 +66,7 @@ class Contender:
 
 def open_contender(name: str) -> Contender:
     """`vision` and `state` (the networks that come with the project), `planner` (it predicts by a network),
-    `planner-analytic`, `expert` (with foresight), `fast-perching` (which takes the board to go straight on),
+    `planner-analytic`, `expert` (on privileged information), `fast-perching` (which predicts the board straight on),
     `fast-perching-ctrv` (or to keep its turn rate), or an ONNX file's path.
 
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.

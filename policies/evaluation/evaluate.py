@@ -1,7 +1,7 @@
 """How well a policy perches, measured in the training environment: the paper's operating points and the distributions.
 
 Every row of the environment contributes the same number of episodes, its first ones, so that quick ends are not counted
-more often than slow ones. What is evaluated on is kept out of what is learnt and tuned on: see `evaluation_seed`.
+more often than slow ones. Evaluation has seeds that training and tuning do not use: see `evaluation_seed`.
 """
 
 from __future__ import annotations
@@ -16,26 +16,17 @@ import numpy as np
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
 from policies.environment.rows import E_RHO, E_SEEN, E_STEPS
-from policies.task.contact import (
-    ATTACHED,
-    NORMAL_ERROR,
-    NORMAL_SPEED,
-    OUTCOME,
-    PLANAR,
-    REASON,
-    REASONS,
-    SUCCESS,
-    TANGENTIAL_SPEED,
-)
+from policies.task import result_row
+from policies.task.contact import REASONS, SUCCESS
 from vehicle.camera.noise import measured_noise, paper_noise
 
 Policy = Callable[[Env], np.ndarray]
 """Environment in, actions ((N, 4) in [-1, 1]) out; called once a step."""
 Watch = Callable[[float], None]
-"""Told the share of the work that is done, 0 to 1."""
+"""Called with the share of the work that is done, 0 to 1."""
 
 NOISES = {"paper": paper_noise, "measured": measured_noise}
-"""Noise of the simulated detector: the paper's table, or what this project's renderer and detector show."""
+"""Noise of the simulated detector: the paper's table, or as measured on this project's renderer and detector."""
 
 _SPLINE, _OU = (1.0, 0, 0, 0, 0, 0), (0, 1.0, 0, 0)
 IMPACT_BAND = (0.4, 0.65)  # m/s along the normal, the paper's flights
@@ -46,7 +37,7 @@ def evaluation_seed(seed: int) -> int:
     """The environment's seed for evaluation `seed` (0, 1, ...).
 
     Training draws from seeds below 2**40 (1000 times its own seed, plus the process), tuning from small ones; these
-    lie above, so that nothing a policy is judged on was ever learnt or tuned on.
+    lie above, so that no episode of an evaluation was used to train or tune.
     """
     if not 0 <= seed < _FIRST_SEED:
         raise ValueError(f"seed {seed}: give one from 0 to {_FIRST_SEED - 1}")
@@ -121,12 +112,12 @@ def run_episodes(
 
 def summarise(name: str, ended: np.ndarray) -> Row:
     """A table's line from ended rows."""
-    good = ended[ended[:, OUTCOME] == SUCCESS]
+    good = ended[ended[:, result_row.OUTCOME] == SUCCESS]
     hits, trials = len(good), len(ended)
     shown = good if hits else np.full((1, ended.shape[1]), math.nan)
-    into = -shown[:, NORMAL_SPEED]
+    into = -shown[:, result_row.NORMAL_SPEED]
     causes: dict[str, int] = {}
-    for outcome, reason in ended[:, [OUTCOME, REASON]].astype(int):
+    for outcome, reason in ended[:, [result_row.OUTCOME, result_row.REASON]].astype(int):
         if outcome != SUCCESS:
             causes[REASONS[reason]] = causes.get(REASONS[reason], 0) + 1
     return Row(
@@ -134,11 +125,11 @@ def summarise(name: str, ended: np.ndarray) -> Row:
         episodes=trials,
         hits=hits,
         success=100.0 * hits / trials,
-        attached=100.0 * float(ended[:, ATTACHED].mean()),
+        attached=100.0 * float(ended[:, result_row.ATTACHED].mean()),
         duration=float(shown[:, E_STEPS].mean()) * TICK,
-        position_error=float(shown[:, PLANAR].mean()),
-        normal_error=float(shown[:, NORMAL_ERROR].mean()),
-        tangential_speed=float(shown[:, TANGENTIAL_SPEED].mean()),
+        position_error=float(shown[:, result_row.PLANAR].mean()),
+        normal_error=float(shown[:, result_row.NORMAL_ERROR].mean()),
+        tangential_speed=float(shown[:, result_row.TANGENTIAL_SPEED].mean()),
         normal_speed=float(into.mean()),
         normal_speed_5=float(np.percentile(into, 5)),
         normal_speed_95=float(np.percentile(into, 95)),

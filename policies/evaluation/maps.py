@@ -1,5 +1,4 @@
-"""Wider looks at a policy: the paper's four trajectory families, other vehicles and cameras than it was made for, and
-the map of speed and inclination."""
+"""Wider evaluations: the paper's four trajectory families, changed vehicles and cameras, speed x inclination map."""
 
 from __future__ import annotations
 
@@ -40,7 +39,7 @@ def motions(
     watch: Watch | None = None,
 ) -> list[Row]:
     """The paper's four trajectory families at `speeds` m/s and 0, 30, 60 deg of inclination, constant speed on the
-    structured ones (a line's own speed swings) and Ornstein-Uhlenbeck on splines."""
+    structured ones (that of a line oscillates by itself) and Ornstein-Uhlenbeck on splines."""
     cases = {}
     for family, speed, tilt in product(MOTIONS, speeds, _INCLINATIONS):
         odds = tuple(float(j == MOTIONS[family]) for j in range(6))
@@ -52,7 +51,7 @@ def motions(
 def robustness(
     policy: Policy, config: EnvConfig, episodes: int = 500, noise: str = "paper", watch: Watch | None = None
 ) -> list[Row]:
-    """The paper's operating points with one thing at a time beyond what is usual: VEHICLES, and CAMERAS on a belief."""
+    """The paper's operating points with one change at a time: VEHICLES, and in the vision stage CAMERAS too."""
     others = {**VEHICLES, **CAMERAS} if config.stage == "vision" else VEHICLES
     cases = {f"{at}, {name}": {**POINTS[at], **change} for (name, change), at in product(others.items(), _PAPER_S)}
     return fly_cases(policy, replace(config, count=episodes), cases, noise, watch)

@@ -18,10 +18,10 @@ def _points(xs: list[float], ys: list[float], span: tuple[float, float], y1: flo
     return " ".join(place(x, y) for x, y in zip(xs, ys, strict=True) if math.isfinite(y))
 
 
-def learning_curve(table: Path, picture: Path, title: str) -> None:
+def learning_curve(table: Path, drawing: Path, title: str) -> None:
     """Draw success over samples from a curve's CSV, smoothed over a fiftieth of the lines, into an SVG.
 
-    It is the success of the episodes flown to learn from: exploration noise and the teacher's share are in it.
+    It is the success of the training episodes, with exploration noise and the teacher's share of the steps.
     """
     with table.open() as file:
         lines = list(csv.DictReader(file))
@@ -34,7 +34,7 @@ def learning_curve(table: Path, picture: Path, title: str) -> None:
         smooth.append(sum(part) / len(part) if part else math.nan)
     ends = min(xs, default=0.0), max(xs, default=1.0)
     label = "million samples, ancestors' included; success of the episodes flown to learn from"
-    picture.write_text(_frame(title, ends, label, _lines(xs, raw, smooth, ends)))
+    drawing.write_text(_frame(title, ends, label, _lines(xs, raw, smooth, ends)))
 
 
 def _lines(xs: list[float], raw: list[float], smooth: list[float], ends: tuple[float, float]) -> str:

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from kernel.rotations import body_z
-from policies.estimation.odometry import NOW_DIM, odometry_now
-from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM, gain_reset, gain_update
+from policies.estimation import odometry_row, thrust_row
+from policies.estimation.odometry import odometry_now
+from policies.estimation.thrust_drag import gain_reset, gain_update
 from policies.flying.contract import CameraContract, check_contract, open_policy
 from policies.task.interface import BoardView, Command, VehicleView
 from policies.task.observation import ObservationBuilder, action_from_command, command_from_action
@@ -27,8 +28,8 @@ class OnnxPolicy:
         self._airframe = airframe
         self._drag = sum(airframe.body.drag[:2]) / 2 / airframe.body.mass
         self._lag = airframe.motors.lag + 0.01
-        self._gain = np.zeros(GAIN_DIM)
-        self._action, self._command, self._now = np.zeros(4), np.zeros(4), np.zeros(NOW_DIM)
+        self._gain = np.zeros(thrust_row.DIM)
+        self._action, self._command, self._now = np.zeros(4), np.zeros(4), np.zeros(odometry_row.DIM)
         self.reset(0)
 
     def reset(self, now_ns: int) -> None:
@@ -44,8 +45,10 @@ class OnnxPolicy:
 
         Raises ValueError if the vehicle's estimate is not finite.
         """
-        achieved = self._gain[G_GAIN] * self._gain[G_LAGGED]
-        position, velocity, orientation = odometry_now(now_ns, vehicle, achieved, self._gain[G_DRAG], self._now)
+        achieved = self._gain[thrust_row.GAIN] * self._gain[thrust_row.LAGGED]
+        position, velocity, orientation = odometry_now(
+            now_ns, vehicle, achieved, self._gain[thrust_row.DRAG], self._now
+        )
         gain = gain_update(
             self._gain,
             *velocity,
@@ -64,7 +67,7 @@ class OnnxPolicy:
             [*board.position, board.heading, board.speed, board.turn_rate, board.inclination, 0.0], dtype=np.float64
         )
         self._builder.push(now_ns, board_row, between)
-        drag = self._gain[G_DRAG]
+        drag = self._gain[thrust_row.DRAG]
         observation = self._builder.build(
             now_ns, position, velocity, orientation, board.rho, self._action, gain, drag, board.surface_sigma
         )

@@ -20,7 +20,8 @@ from torch import Tensor, nn
 from policies.network.regimes import REGIMES, regime_shares
 from policies.network.soft import softened_action
 from policies.network.touch import aligned_action, flared_action, lean_everywhere, relative_velocity, seen_poorly
-from policies.task.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_DIM, TAIL_GAIN, TAIL_R, USUAL_DRAG
+from policies.task import entry_row, tail_row
+from policies.task.observation import HISTORY, NEWEST, TAIL, USUAL_DRAG
 from policies.task.symmetry import ACTION_SIGNS, OBSERVATION_SIGNS
 
 FUTURE = 15  # N of the paper
@@ -29,7 +30,7 @@ GEOMETRY_DIM = 17
 # Divisors by entry of [p_rel, normal, vx, vy, turn rate, t] and of [v, R, rho, action, gain, drag, sigma].
 ENTRY_SCALE = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 0.5)
 TAIL_SCALE = (2.0, 2.0, 1.0, *(1.0,) * 9, 1.0, *(1.0,) * 4, 0.15, 0.15, 0.02)
-TAIL_SHIFT = (0.0,) * TAIL_GAIN + (1.0, USUAL_DRAG, 0.0)
+TAIL_SHIFT = (0.0,) * tail_row.GAIN + (1.0, USUAL_DRAG, 0.0)
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class NetworkConfig:
 
 def normalisation() -> tuple[tuple[float, ...], tuple[float, ...]]:
     """(shift, scale) for each entry of a history element, then of the tail."""
-    return (0.0,) * ENTRY_DIM + TAIL_SHIFT, ENTRY_SCALE + TAIL_SCALE
+    return (0.0,) * entry_row.DIM + TAIL_SHIFT, ENTRY_SCALE + TAIL_SCALE
 
 
 class Tcn(nn.Module):
@@ -87,11 +88,11 @@ class Tcn(nn.Module):
     def __init__(self, channels: tuple[int, int, int]) -> None:
         super().__init__()
         a, b, c = channels
-        self.first, self.second, self.third = nn.Linear(5 * ENTRY_DIM, a), nn.Linear(2 * a, b), nn.Linear(3 * b, c)
+        self.first, self.second, self.third = nn.Linear(5 * entry_row.DIM, a), nn.Linear(2 * a, b), nn.Linear(3 * b, c)
         self.act = nn.ELU()
 
     def forward(self, history: Tensor) -> Tensor:
-        x = self.act(self.first(history.reshape(-1, 6, 5 * ENTRY_DIM)))
+        x = self.act(self.first(history.reshape(-1, 6, 5 * entry_row.DIM)))
         x = self.act(self.second(x.reshape(-1, 3, 2 * x.shape[-1])))
         return self.act(self.third(x.reshape(-1, 3 * x.shape[-1])))
 
@@ -100,7 +101,7 @@ def geometry(newest: Tensor, tail: Tensor) -> Tensor:
     """(B, GEOMETRY_DIM) products of the newest entry (physical units) and the tail; see the module's text."""
     p, n = newest[:, 0:3], newest[:, 3:6]
     v = relative_velocity(newest, tail)
-    z = tail[:, [TAIL_R + 2, TAIL_R + 5, TAIL_R + 8]]
+    z = tail[:, [tail_row.R + 2, tail_row.R + 5, tail_row.R + 8]]
     along, closing = (p * n).sum(1, keepdim=True), (v * n).sum(1, keepdim=True)
     across, sliding = p - along * n, v - closing * n
     lean = z - n
@@ -121,12 +122,12 @@ class Trunk(nn.Module):
         super().__init__()
         self.config, self.futures = config, futures
         shift, scale = normalisation()
-        entry, tail = slice(0, ENTRY_DIM), slice(ENTRY_DIM, None)
+        entry, tail = slice(0, entry_row.DIM), slice(entry_row.DIM, None)
         self.register_buffer("shift", torch.tensor(shift[entry] * HISTORY + shift[tail]), persistent=False)
         self.register_buffer("scale", torch.tensor(scale[entry] * HISTORY + scale[tail]), persistent=False)
         self.register_buffer("future_scale", torch.tensor(ENTRY_SCALE * futures), persistent=False)
         self.tcn = Tcn(config.channels) if config.temporal else None
-        size = ENTRY_DIM + TAIL_DIM + futures * ENTRY_DIM
+        size = entry_row.DIM + tail_row.DIM + futures * entry_row.DIM
         size += config.channels[2] if config.temporal else 0
         size += GEOMETRY_DIM if config.geometry else 0
         self.first, self.second, self.act = (
@@ -139,7 +140,7 @@ class Trunk(nn.Module):
         x = (observation - self.shift) / self.scale
         parts = [x[:, NEWEST:TAIL], x[:, TAIL:]]
         if self.tcn is not None:
-            parts.append(self.tcn(x[:, :TAIL].reshape(-1, HISTORY, ENTRY_DIM)))
+            parts.append(self.tcn(x[:, :TAIL].reshape(-1, HISTORY, entry_row.DIM)))
         if self.config.geometry:
             parts.append(geometry(observation[:, NEWEST:TAIL], observation[:, TAIL:]))
         if self.futures:

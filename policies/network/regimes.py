@@ -16,7 +16,8 @@ import torch
 from torch import Tensor
 
 from policies.network.touch import seen_poorly
-from policies.task.observation import ENTRY_DIM, HISTORY, NEWEST, TAIL, TAIL_SIGMA
+from policies.task import entry_row, tail_row
+from policies.task.observation import HISTORY, NEWEST, TAIL
 
 REGIMES = 6
 AFAR = 5  # index of the layer for steep, steady boards from afar
@@ -34,7 +35,7 @@ def regime_shares(observation: Tensor) -> Tensor:
     """(B, REGIMES) how much each counts, one in all, from observations (B, OBS_DIM)."""
     newest, tail = observation[:, NEWEST:TAIL], observation[:, TAIL:]
     slope, steep = (_ramp(newest[:, 5:6], *between) for between in (_SLOPE, _STEEP))
-    sigma = tail[:, TAIL_SIGMA : TAIL_SIGMA + 1]
+    sigma = tail[:, tail_row.SIGMA : tail_row.SIGMA + 1]
     distance = (newest[:, 0:3] ** 2).sum(1, keepdim=True).sqrt()
     poorly = slope * seen_poorly(tail)
     steeply, blurred = poorly * steep, _ramp(distance, *_NEAR) * _ramp(sigma, *_BLURRED)
@@ -45,7 +46,7 @@ def regime_shares(observation: Tensor) -> Tensor:
 
 def _speed_range(observation: Tensor) -> Tensor:
     """(B, 1) m/s, of the board's speeds lately."""
-    lately = observation[:, :TAIL].reshape(-1, HISTORY, ENTRY_DIM)[:, -_LATELY:, 6:8]
+    lately = observation[:, :TAIL].reshape(-1, HISTORY, entry_row.DIM)[:, -_LATELY:, 6:8]
     speed = (lately**2).sum(2).sqrt()
     return speed.amax(1, keepdim=True) - speed.amin(1, keepdim=True)
 

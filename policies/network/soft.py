@@ -15,7 +15,8 @@ from torch import Tensor
 
 from policies.guidance.alignment import BESIDE, SLOWEST
 from policies.network.touch import BELOW, RADIUS, approach, seen_poorly
-from policies.task.observation import TAIL_ACTION, TAIL_DRAG, TAIL_GAIN, TAIL_V, THRUST_MAX, THRUST_MIN
+from policies.task import tail_row
+from policies.task.observation import THRUST_MAX, THRUST_MIN
 from vehicle.quadrotor.airframe import GRAVITY
 
 WITHIN = 0.15  # s to contact, from where on
@@ -36,10 +37,12 @@ def softened_action(newest: Tensor, tail: Tensor, action: Tensor, into: Tensor) 
     """
     n, z, velocity, height, beside, closing, cosine = approach(newest, tail)
     height, lift = height - BELOW - TILT * RADIUS, 0.5 * (1.0 + cosine)
-    gain, drag = tail[:, TAIL_GAIN : TAIL_GAIN + 1], tail[:, TAIL_DRAG : TAIL_DRAG + 1]
-    given = gain * _thrust(tail[:, TAIL_ACTION + 3 : TAIL_ACTION + 4])
+    gain, drag = tail[:, tail_row.GAIN : tail_row.GAIN + 1], tail[:, tail_row.DRAG : tail_row.DRAG + 1]
+    given = gain * _thrust(tail[:, tail_row.ACTION + 3 : tail_row.ACTION + 4])
     asked = action[:, 3:4].clamp(-1.0, 1.0)
-    free = tail.new_tensor([[0.0, 0.0, -GRAVITY]]) - drag * tail[:, TAIL_V : TAIL_V + 3]  # acceleration without thrust
+    free = (
+        tail.new_tensor([[0.0, 0.0, -GRAVITY]]) - drag * tail[:, tail_row.V : tail_row.V + 3]
+    )  # acceleration without thrust
     pull, way, lagging = (free * n).sum(1, keepdim=True), height + MARGIN, LAG * closing
     work = 0.5 * (closing * closing - into * into) - pull * way - lift * given * lagging
     needed = work / (lift * (way - lagging).clamp(min=SHORTEST))

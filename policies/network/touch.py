@@ -22,7 +22,8 @@ from policies.guidance.alignment import (
     UNSURE,
 )
 from policies.guidance.flare import ASIDE, CLOSING, LATEST, SHORTEST_TURN, WITHIN
-from policies.task.observation import RATE_MAX, TAIL_ACTION, TAIL_GAIN, TAIL_R, TAIL_SIGMA, TAIL_V, THRUST_MAX
+from policies.task import tail_row
+from policies.task.observation import RATE_MAX, THRUST_MAX
 from vehicle.quadrotor.airframe import GRAVITY
 
 WELL, POORLY = 0.002, 0.006  # m, sigma of the board's surface: where it is well seen, and where poorly
@@ -45,7 +46,7 @@ class Approach(NamedTuple):
 
 def seen_poorly(tail: Tensor) -> Tensor:
     """(B, 1) from 0 for a surface that is seen well to 1 for one that is seen poorly; `tail` (B, 20)."""
-    return ((tail[:, TAIL_SIGMA : TAIL_SIGMA + 1] - WELL) / (POORLY - WELL)).clamp(0.0, 1.0)
+    return ((tail[:, tail_row.SIGMA : tail_row.SIGMA + 1] - WELL) / (POORLY - WELL)).clamp(0.0, 1.0)
 
 
 def lean_everywhere(newest: Tensor) -> Tensor:
@@ -55,14 +56,14 @@ def lean_everywhere(newest: Tensor) -> Tensor:
 
 def relative_velocity(newest: Tensor, tail: Tensor) -> Tensor:
     """(B, 3) m/s, the drone's less the board's, which has none upwards."""
-    v = tail[:, TAIL_V : TAIL_V + 3]
+    v = tail[:, tail_row.V : tail_row.V + 3]
     return torch.cat([v[:, :2] - newest[:, 6:8], v[:, 2:]], 1)
 
 
 def approach(newest: Tensor, tail: Tensor) -> Approach:
     d, n = -newest[:, 0:3], newest[:, 3:6]
     velocity = relative_velocity(newest, tail)
-    z = tail[:, [TAIL_R + 2, TAIL_R + 5, TAIL_R + 8]]
+    z = tail[:, [tail_row.R + 2, tail_row.R + 5, tail_row.R + 8]]
     height = (d * n).sum(1, keepdim=True)
     beside = (d * d).sum(1, keepdim=True) - height * height
     closing = -(velocity * n).sum(1, keepdim=True)
@@ -83,7 +84,9 @@ def _wanted_axis(newest: Tensor, left: Tensor, lean: Tensor) -> Tensor:
 
 def _in_body(off: Tensor, tail: Tensor) -> Tensor:
     """Components (B, 2) along the body's x and y axes, the first two columns of R."""
-    return torch.stack([(off * tail[:, [TAIL_R + k, TAIL_R + 3 + k, TAIL_R + 6 + k]]).sum(1) for k in range(2)], 1)
+    return torch.stack(
+        [(off * tail[:, [tail_row.R + k, tail_row.R + 3 + k, tail_row.R + 6 + k]]).sum(1) for k in range(2)], 1
+    )
 
 
 def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -> Tensor:
@@ -94,7 +97,7 @@ def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -
     """
     _, z, _, height, beside, closing, cosine = approach(newest, tail)
     edge = BELOW * cosine + RADIUS * (1.0 - cosine * cosine).clamp(min=_TINY).sqrt()
-    margin = (UNSURE * tail[:, TAIL_SIGMA : TAIL_SIGMA + 1]).clamp(max=MOST)
+    margin = (UNSURE * tail[:, tail_row.SIGMA : tail_row.SIGMA + 1]).clamp(max=MOST)
     left = (height - edge - margin) / closing.clamp(min=SLOWEST)
     near = (closing >= SLOWEST) & (cosine >= FACING) & (beside <= BESIDE * BESIDE) & (left <= FROM)
     left = left.clamp(min=0.0, max=FROM)
@@ -102,7 +105,7 @@ def aligned_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) -
     off = _in_body(torch.linalg.cross(z, wanted), tail)
     span = (left - LAG).clamp(min=SHORTEST)
     asked = action.clamp(-1.0, 1.0)
-    then = off - RATE_MAX * (tail[:, TAIL_ACTION : TAIL_ACTION + 2] * LAG + asked[:, :2] * span)
+    then = off - RATE_MAX * (tail[:, tail_row.ACTION : tail_row.ACTION + 2] * LAG + asked[:, :2] * span)
     excess = then - then.clamp(-BAND, BAND)
     rates = (asked[:, :2] + excess / (span * RATE_MAX)).clamp(-1.0, 1.0)
     return torch.where(near, torch.cat([rates, asked[:, 2:]], 1), action)
@@ -112,7 +115,7 @@ def flared_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) ->
     """`late_flare` on what a network sees; arguments as of `aligned_action`."""
     n, z, _, height, beside, closing, cosine = approach(newest, tail)
     height = height - BELOW - RADIUS * lean * (n[:, 0:1] * n[:, 0:1] + n[:, 1:2] * n[:, 1:2]).clamp(min=_TINY).sqrt()
-    strongest = THRUST_MAX * tail[:, TAIL_GAIN : TAIL_GAIN + 1]
+    strongest = THRUST_MAX * tail[:, tail_row.GAIN : tail_row.GAIN + 1]
     stopping = closing * closing - 2.0 * height * (0.5 * strongest * (1.0 + cosine) - GRAVITY * n[:, 2:3])
     left = 2.0 * height / (closing + stopping.clamp(min=_TINY).sqrt()).clamp(min=CLOSING)
     near = (height > 0.0) & (closing >= CLOSING) & (cosine >= 0.0) & (beside <= ASIDE * ASIDE) & (stopping > 0.0)
@@ -122,7 +125,7 @@ def flared_action(newest: Tensor, tail: Tensor, action: Tensor, lean: Tensor) ->
     sine = (off * off).sum(1, keepdim=True).clamp(min=_TINY).sqrt()
     off = _in_body(off * torch.atan2(sine, (z * wanted).sum(1, keepdim=True)) / sine, tail)
     span = (left - LAG).clamp(min=SHORTEST_TURN)
-    needed = (off - RATE_MAX * tail[:, TAIL_ACTION : TAIL_ACTION + 2] * LAG) / span
+    needed = (off - RATE_MAX * tail[:, tail_row.ACTION : tail_row.ACTION + 2] * LAG) / span
     late = near & (left <= WITHIN) & ((needed * needed).sum(1, keepdim=True) > LATEST * LATEST)
     rates = (needed / RATE_MAX).clamp(-1.0, 1.0)
     return torch.where(late, torch.cat([rates, action[:, 2:]], 1), action)

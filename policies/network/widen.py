@@ -11,7 +11,7 @@ from torch import Tensor
 
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.network.regimes import REGIMES
-from policies.task.observation import ENTRY_DIM, TAIL_DIM
+from policies.task import entry_row, tail_row
 
 _TRUNK = ("trunk.first", "trunk.second")
 _TCN = ("trunk.tcn.first", "trunk.tcn.second", "trunk.tcn.third")
@@ -38,7 +38,7 @@ def widened(actor: Actor, wanted: NetworkConfig, seed: int = 0) -> Actor:
         # A convolution whose kernel is its stride reads 2 and 3 steps, each with all units of the layer before.
         _share_inputs(weights, _TCN[1], 0, has.channels[0], 2, a, random)
         _share_inputs(weights, _TCN[2], 0, has.channels[1], 3, b, random)
-        _share_inputs(weights, _TRUNK[0], ENTRY_DIM + TAIL_DIM, has.channels[2], 1, c, random)
+        _share_inputs(weights, _TRUNK[0], entry_row.DIM + tail_row.DIM, has.channels[2], 1, c, random)
     for layer in _TRUNK:
         _copy_units(weights, layer, width)
     for layer in (_TRUNK[1], "head", "foresight"):

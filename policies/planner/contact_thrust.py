@@ -1,9 +1,9 @@
-"""The last quarter second: thrust alone decides when and how the drone touches.
+"""Thrust in the last moment before contact.
 
-By then the body's z axis turns onto the board's normal, and to turn the drone otherwise would spoil that. Thrust acts
-along the axis and turns nothing, so it can answer what the board did since the plan was frozen. On a steep board
-gravity pulls the drone along the slope by up to g: contact a tenth of a second off skids. So a thrust is judged by what
-it leads to: speed along the board, speed into the board, and contact before or after the attitude has arrived.
+By then body z turns onto the board's normal, and another turn would disturb that. Thrust acts along body z and turns
+nothing, so it can respond to what the board did since the plan was frozen. On a steep board gravity accelerates the
+vehicle along the slope by up to g: a contact 0.1 s early or late skids. So each thrust is judged by the contact that it
+leads to: speed along the board, speed into the board, and time relative to the attitude's arrival.
 """
 
 from __future__ import annotations
@@ -13,43 +13,47 @@ import math
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from policies.guidance.approach import approach
-from policies.planner import params as pp
+from policies.planner import params_row as pp
+from vehicle.quadrotor.airframe import GRAVITY
 
-_FROM, _FULL = 0.5, 0.8  # cosine between body z and normal: from where, and where it fully counts
-_CHOICES = 15
-_NEAREST = 0.003  # m
+_FROM, _FULL = 0.5, 0.8  # cosine between body z and normal at which this thrust begins to count, and counts fully
+_CHOICES = 15  # thrusts that are tried
+_NEAREST = 0.003  # m, height that is taken at least
 
 
 @njit
 def _cost(height, speed, away, sideways, along, left, wanted, params):
-    """What a contact costs that is made from `height` m: infinite if it leads to none.
+    """Cost of the contact reached from `height` m over the board; infinite if there is none.
 
     `speed` towards the board and `along` it, m/s; `away`, `sideways` the accelerations under the thrust that is judged,
-    m/s^2.
+    m/s^2; `left` s to the planned contact; `wanted` m/s into the board.
     """
     root = speed * speed - 2.0 * away * height
     if root < 0.0 or (speed <= 0.0 and away >= 0.0):
         return math.inf
     into = math.sqrt(root)
     time = 2.0 * height / (speed + into) if speed > 0.0 else (speed - into) / away
-    skid = (along + sideways * time) / params[pp.TOUCH_SKID]
-    hard = (into - wanted) / params[pp.TOUCH_BAND]
-    early = max(0.0, left - time) / params[pp.TOUCH_EARLY]
-    late = max(0.0, time - left) / params[pp.TOUCH_LATE]
+    skid = (along + sideways * time) / params[pp.terminal.skid]
+    hard = (into - wanted) / params[pp.terminal.speed_band]
+    early = max(0.0, left - time) / params[pp.terminal.early]
+    late = max(0.0, time - left) / params[pp.terminal.late]
     return skid * skid + hard * hard + early * early + late * late
 
 
 @njit
-def touch_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, gain, sigma, params):
-    """Thrust (m/s^2) whose contact is the best that thrust can still reach.
+def contact_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, gain, sigma, params):
+    """Thrust (m/s^2) that leads to the contact of least cost.
 
-    `p`, `v` (3,) world; (zx, zy, zz) body z; `board` (8,) the board now, `acceleration` its own along its heading,
-    m/s^2; `left` s to the planned contact; `planned`: the plan's thrust, which counts while body z is far from the
-    normal; `given`: thrust that the motors give now; `gain`: achieved over asked thrust; `sigma` m of the board's
-    surface along its normal: a thrust is judged by where the surface is believed to be, half, and by where else it may
-    be. Motors lag: until they have followed, the old thrust goes on acting, which is taken off the speeds at once.
+    `p`, `v` (3,) world; (zx, zy, zz) body z; `board` (8,) the board now, `acceleration` m/s^2 of the board along its
+    heading; `left` s to the planned contact; `planned` m/s^2, the plan's thrust, returned while body z is far from the
+    normal; `given` m/s^2, thrust of the motors now; `gain` achieved over commanded thrust; `sigma` m, one-sigma of the
+    board's surface along its normal. Half of the cost is for the surface where it is believed to be, half for it
+    `Terminal.sigmas` sigmas nearer and farther. While the motors lag, the old thrust goes on acting: that change of
+    speed is applied at once.
     """
-    height, closing, cosine, _ = approach(p, v, zx, zy, zz, board, params[pp.ROBOT_L], params[pp.ROBOT_R])
+    height, closing, cosine, _ = approach(
+        p, v, zx, zy, zz, board, params[pp.vehicle.contact_below], params[pp.vehicle.contact_radius]
+    )
     share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
     if share <= 0.0:
         return planned
@@ -58,16 +62,16 @@ def touch_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, ga
     ux, uy, uz = nz * c, nz * s, math.sin(board[6])  # up the slope
     wx, wy, wz = v[0] - board[4] * c, v[1] - board[4] * s, v[2]
     along = ux * wx + uy * wy + uz * wz
-    g, drag = params[pp.GRAVITY], params[pp.DRAG]
-    # Relative to the board and without thrust, along normal and slope; body z is taken to arrive on the normal.
+    g, drag = GRAVITY, params[pp.vehicle.drag]
+    # Acceleration relative to the board without thrust, along normal and slope.
     normal = -g * nz - drag * (nx * v[0] + ny * v[1] + nz * v[2]) - acceleration * (nx * c + ny * s)
     slope = -g * uz - drag * (ux * v[0] + uy * v[1] + uz * v[2]) - acceleration * (ux * c + uy * s)
     lean = 0.5 * (ux * zx + uy * zy + uz * zz)
     lift = 0.5 * (1.0 + cosine)
     least, best = math.inf, planned
-    wanted = params[pp.TOUCH_SPEED] + params[pp.TOUCH_STEEP] * math.sin(board[6])
-    low, high = params[pp.THRUST_MIN] * gain, params[pp.THRUST_MAX] * gain
-    lag, spread = params[pp.TOUCH_LAG], params[pp.TOUCH_UNSURE] * sigma
+    wanted = params[pp.terminal.speed] + params[pp.terminal.speed_steep] * math.sin(board[6])
+    low, high = params[pp.vehicle.thrust_min] * gain, params[pp.vehicle.thrust_max] * gain
+    lag, spread = params[pp.terminal.lag], params[pp.terminal.sigmas] * sigma
     for k in range(_CHOICES):
         f = low + (high - low) * k / (_CHOICES - 1)
         away, sideways = f * lift + normal, f * lean + slope
@@ -78,8 +82,8 @@ def touch_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, ga
             for side in (-1.0, 1.0):
                 there = max(_NEAREST, height + side * spread)
                 other = _cost(there, speed, away, sideways, sliding, left, wanted, params)
-                cost += 0.25 * min(params[pp.TOUCH_MISS], other)
-        cost += params[pp.TOUCH_KEEP] * (f - planned) * (f - planned)
+                cost += 0.25 * min(params[pp.terminal.no_contact], other)
+        cost += params[pp.terminal.keep] * (f - planned) * (f - planned)
         if cost < least:
             least, best = cost, f
     return planned + share * (best - planned)

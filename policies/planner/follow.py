@@ -1,4 +1,4 @@
-"""Flying without a perch under way: hovering, following the board from where it is seen, climbing away from a miss."""
+"""Flight without a plan: hovering, keeping station where the camera sees the board, climbing away from a miss."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import math
 
 from kernel.jit import njit
 from kernel.rotations import body_z
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 from policies.planner.tracking import track_force, yaw_error
+from vehicle.quadrotor.airframe import GRAVITY
 
-_CLIMB = 3.0  # m/s^2, vertical acceleration that following may ask
-_RESCUE = 6.0  # m/s^2, after a miss: the drone falls off a steep board nose-up
+_CLIMB = 3.0  # m/s^2, largest vertical acceleration while following
+_RESCUE = 6.0  # m/s^2, the same after a miss: the vehicle leaves a steep board nose-up and sinking
 _PITCH_LEAST, _PITCH_MARGIN = math.radians(9.0), math.radians(3.0)
 _STEEP = math.radians(60.0)  # from this inclination on the standoff is that of steep boards
 
@@ -18,12 +19,16 @@ _STEEP = math.radians(60.0)  # from this inclination on the standoff is that of 
 @njit
 def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params, out, climb=_CLIMB):
     """CTBR into `out` (4,) for an acceleration (world, m/s^2) cut at `tilt` rad and, vertically, at `climb` m/s^2."""
-    most = params[pp.GRAVITY] * math.tan(tilt)
+    most = GRAVITY * math.tan(tilt)
     level = math.sqrt(ax * ax + ay * ay)
     if level > most:
         ax, ay = ax * most / level, ay * most / level
     az = min(climb, max(-climb, az))
-    fx, fy, fz = ax + params[pp.DRAG] * vx, ay + params[pp.DRAG] * vy, az + params[pp.DRAG] * vz + params[pp.GRAVITY]
+    fx, fy, fz = (
+        ax + params[pp.vehicle.drag] * vx,
+        ay + params[pp.vehicle.drag] * vy,
+        az + params[pp.vehicle.drag] * vz + GRAVITY,
+    )
     zx, zy, zz = body_z(q)
     thrust = fx * zx + fy * zy + fz * zz
     track_force(q, fx, fy, fz, fx, fy, fz, 0.0, 0.0, 0.0, yaw_rate, thrust, gain, params, out)
@@ -31,13 +36,13 @@ def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params
 
 @njit
 def face(q, p, board, params):
-    """Yaw rate (rad/s) that turns the camera to the board; 0 when too near for a bearing."""
+    """Yaw rate (rad/s) that turns the camera to the board; 0 where the board is too near for a bearing."""
     dx, dy = board[0] - p[0], board[1] - p[1]
-    near = math.sqrt(dx * dx + dy * dy) / max(params[pp.YAW_NEAR], 1e-6) - 1.0
+    near = math.sqrt(dx * dx + dy * dy) / max(params[pp.follow.yaw_near], 1e-6) - 1.0
     if near <= 0.0:
         return 0.0
-    rate = params[pp.YAW_K] * yaw_error(q, dx, dy) * min(1.0, near)
-    return min(params[pp.YAW_RATE_MAX], max(-params[pp.YAW_RATE_MAX], rate))
+    rate = params[pp.follow.yaw_k] * yaw_error(q, dx, dy) * min(1.0, near)
+    return min(params[pp.follow.yaw_rate_max], max(-params[pp.follow.yaw_rate_max], rate))
 
 
 @njit
@@ -45,13 +50,13 @@ def hold(q, v, climb, gain, params, out):
     """Come to rest, climbing at `climb` m/s."""
     k = 1.5
     command_acceleration(
-        q, v[0], v[1], v[2], -k * v[0], -k * v[1], k * (climb - v[2]), 0.0, params[pp.FOLLOW_TILT], gain, params, out
+        q, v[0], v[1], v[2], -k * v[0], -k * v[1], k * (climb - v[2]), 0.0, params[pp.follow.tilt], gain, params, out
     )
 
 
 @njit
 def keep_in_view(ax, ay, p, board, params):
-    """A horizontal acceleration (2 floats) whose part along the bearing of the board keeps the board in the picture.
+    """Limit a horizontal acceleration (2 floats) along the bearing of the board, so that the board stays in view.
 
     Accelerating towards the board pitches the camera down, away from it the camera up: each by no more than the board's
     depression leaves room for, and by no less than _PITCH_LEAST.
@@ -59,11 +64,11 @@ def keep_in_view(ax, ay, p, board, params):
     dx, dy, dz = board[0] - p[0], board[1] - p[1], p[2] - board[2]
     level = max(1e-3, math.sqrt(dx * dx + dy * dy))
     dx, dy = dx / level, dy / level
-    below, room = math.atan2(dz, level), params[pp.CAMERA_HALF_FOV] - _PITCH_MARGIN
-    forward = max(_PITCH_LEAST, below - params[pp.CAMERA_TILT] + room)
-    backward = max(_PITCH_LEAST, params[pp.CAMERA_TILT] + room - below)
+    below, room = math.atan2(dz, level), params[pp.search.half_view] - _PITCH_MARGIN
+    forward = max(_PITCH_LEAST, below - params[pp.vehicle.camera_tilt] + room)
+    backward = max(_PITCH_LEAST, params[pp.vehicle.camera_tilt] + room - below)
     along = ax * dx + ay * dy
-    g = params[pp.GRAVITY]
+    g = GRAVITY
     kept = min(g * math.tan(min(forward, 1.0)), max(-g * math.tan(min(backward, 1.0)), along))
     return ax + (kept - along) * dx, ay + (kept - along) * dy
 
@@ -72,23 +77,25 @@ def keep_in_view(ax, ay, p, board, params):
 def follow(p, v, q, board, extra, gain, params, out):
     """Fly to the standoff behind and above the board and match its motion; `extra` m is added to the distance."""
     steep = min(1.0, max(0.0, board[6] / _STEEP))
-    away = params[pp.STANDOFF_FLAT] + steep * (params[pp.STANDOFF] - params[pp.STANDOFF_FLAT]) + extra
-    up = params[pp.ELEVATION_FLAT] + steep * (params[pp.ELEVATION] - params[pp.ELEVATION_FLAT])
+    away = (
+        params[pp.follow.distance_flat] + steep * (params[pp.follow.distance] - params[pp.follow.distance_flat]) + extra
+    )
+    up = params[pp.follow.elevation_flat] + steep * (params[pp.follow.elevation] - params[pp.follow.elevation_flat])
     c, s = math.cos(board[3]), math.sin(board[3])
     back = away * math.cos(up)
     speed, turn = board[4], board[5]
-    # The standoff is fixed to the board, so it swings out when the board turns.
+    # The standoff is fixed to the board, so it moves sideways when the board turns.
     wx, wy = speed * c + turn * back * s, speed * s - turn * back * c
     ex, ey = board[0] - back * c - p[0], board[1] - back * s - p[1]
     ez = board[2] + away * math.sin(up) - p[2]
-    kp = params[pp.FOLLOW_KP]
+    kp = params[pp.follow.kp]
     gap = math.sqrt(ex * ex + ey * ey)
-    slow = min(1.0, params[pp.FOLLOW_SPEED] / max(kp * gap, 1e-6))
+    slow = min(1.0, params[pp.follow.speed] / max(kp * gap, 1e-6))
     ux, uy, uz = wx + kp * slow * ex, wy + kp * slow * ey, min(1.5, max(-1.5, kp * ez))
-    kv = params[pp.FOLLOW_KV]
+    kv = params[pp.follow.kv]
     ax, ay = kv * (ux - v[0]) - turn * speed * s, kv * (uy - v[1]) + turn * speed * c
     ax, ay = keep_in_view(ax, ay, p, board, params)
-    tilt = params[pp.FOLLOW_TILT]
+    tilt = params[pp.follow.tilt]
     yaw_rate = face(q, p, board, params) + turn
     command_acceleration(q, v[0], v[1], v[2], ax, ay, kv * (uz - v[2]), yaw_rate, tilt, gain, params, out)
 

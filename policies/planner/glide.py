@@ -1,11 +1,11 @@
-"""The glide to a flat board: behind it and low, on a way down along which the camera keeps it in the picture.
+"""The glide: a shallow approach to a flat board from behind, during which the camera keeps the board in view.
 
-The camera looks forward. A drone that comes down from above loses a flat board half a second and more before contact,
-and by then the belief of a board at 3 m/s is off by a tolerance's width. So this way down is shallow: seen backward
-from contact, a constant sink rate, and a speed along the board that grows as gently as a nearly level drone can brake.
-It ends short of the board's centre; the row of small tags at the board's upper edge is in the picture until then.
+The camera looks forward. A vehicle that descends from above loses a flat board 0.5 s and more before contact, and the
+belief of a board at 3 m/s is then wrong by as much as the tolerance. So this approach is shallow. Backward in time from
+contact it has a constant sink rate, and a speed along the board that grows as slowly as a nearly level vehicle can
+brake. It ends short of the board's centre; the small tags at the board's upper edge are in view until then.
 
-The law depends on the present belief alone: no plan can go out of date, and a network can learn it.
+The law depends on the present belief alone: no plan can become outdated, and a network can learn it.
 """
 
 from __future__ import annotations
@@ -13,38 +13,42 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, keep_in_view
 from policies.planner.tracking import yaw_error
 from policies.task.observation import USUAL_DRAG
 
 _SHORT, _ALONG = 0.07, 0.2  # m behind the board's centre and m/s along it at contact
 _BRAKE, _SINK = 0.87, 0.42  # m/s^2 along the board, m/s down (see `glide_sink`)
-_FASTEST, _HIGHEST = 2.6, 1.25  # m/s of closing along the board, m over it: far away no more than that
-_BY_DRAG, _MOST_DRAG = 0.2, 0.3  # m/s of it by 1/s of drag beyond the usual, 1/s: drag counts no more than that
-_BY_TURN, _USUAL_TURN, _HARD = 0.07, 0.35, 1.05  # m/s less by rad/s of the board's turn beyond the usual, at most
-_BY_AGE, _YOUNG, _OLD = 0.27, 0.045, 0.15  # m/s more by s without a detection beyond the usual, at most
+_FASTEST, _HIGHEST = 2.6, 1.25  # m/s of closing along the board and m over it at most
+_BY_DRAG, _MOST_DRAG = 0.2, 0.3  # m/s of sink by 1/s of drag above the usual; 1/s of such drag that count at most
+_BY_TURN, _USUAL_TURN, _HARD = 0.07, 0.35, 1.05  # m/s less by rad/s of the board's turn above the usual, at most
+_BY_AGE, _YOUNG, _OLD = 0.27, 0.045, 0.15  # m/s more by s without a detection above the usual, at most
 _KV, _KV_UP, _KP_SIDE, _KP_UP = 4.15, 6.4, 2.3, 2.9  # 1/s
-_LAST, _MORE = 0.4, 0.8  # m over the board, from where on _KP_SIDE grows, by this share of it at contact
-_AHEAD = 0.12  # s from asking for an acceleration to having it
+_LAST, _MORE = 0.4, 0.8  # m over the board below which _KP_SIDE grows; share by which it is larger at contact
+_AHEAD = 0.12  # s from commanding an acceleration to reaching it
 _SIDEWAYS, _UPWARD = 2.7, 1.6  # 1/s: sideways speed by (distance + _MARGIN) at most; m/s: correction of height at most
-_LOW, _FALL = 0.36, 1.1  # m over the board, from where on it sinks at most by that many times _SINK
-_MARGIN, _ROOM, _NEAR = 0.3, 0.5, 0.25  # m; error by (distance + _MARGIN) that closing waits for, unless nearer than m
-_PRESS_AWAY, _PRESS_SIDE, _PRESS = 0.2, 0.15, 0.3  # m, m: nearer than that it sinks no slower than m/s, come what may
-_BEHIND, _BEARING = 0.75, 3.6  # m: nearer, behind means by the board's heading; farther, on the line of sight
-_UNSEEN, _STOP = 1.0, 0.35  # s without a detection at which closing stops, unless nearer than m
-_VIEW, _TURN = 0.4, 0.2  # m of horizontal distance from where on the camera's pitch, and its bearing, are cared for
+_LOW, _FALL = 0.36, 1.1  # m over the board below which the sink rate is limited; times the reference's
+_MARGIN, _ROOM, _NEAR = (
+    0.3,
+    0.5,
+    0.25,
+)  # m; error by (distance + _MARGIN) above which closing stops; m, nearer it goes on
+_PRESS_AWAY, _PRESS_SIDE, _PRESS = 0.2, 0.15, 0.3  # m, m, m/s: nearer than that it sinks at least so fast
+_BEHIND, _BEARING = 0.75, 3.6  # m: nearer it closes along the board's heading, farther along the line of sight
+_UNSEEN, _STOP = 1.0, 0.35  # s without a detection after which closing stops; m, nearer it goes on
+_VIEW, _TURN = 0.4, 0.2  # m of horizontal distance below which the view no longer limits pitch, and yaw is left alone
 _TILT = 0.7  # rad
 _YAW_K, _YAW_MOST = 1.9, 2.0  # 1/s, rad/s
-_PASSED, _UNDER = -0.3, -0.06  # m: beyond the centre, or below the surface: it was missed
+_PASSED, _UNDER = -0.3, -0.06  # m: beyond the centre, or below the surface, the board counts as missed
 
 
 @njit
 def glide_sink(drag, turn, age):
-    """How fast to come down, m/s: `drag` 1/s of the drone, `turn` rad/s of the board, `age` s since the last detection.
+    """Sink rate (m/s) for `drag` 1/s of the vehicle, `turn` rad/s of the board, `age` s since the last detection.
 
-    Without drag to brake it the drone leans back and its camera loses the board sooner; slower, it comes in lower. How
-    much each counts was found by flying.
+    With less drag the vehicle has to lean back to brake, and its camera loses the board sooner; a lower sink rate makes
+    the approach lower. The coefficients are tuned in simulated flights.
     """
     dragged, turning = min(_MOST_DRAG, drag - USUAL_DRAG), min(_HARD, abs(turn)) - _USUAL_TURN
     return _SINK + _BY_DRAG * dragged - _BY_TURN * turning + _BY_AGE * (min(_OLD, age) - _YOUNG)
@@ -67,14 +71,14 @@ def glide_reference(away, sink):
 
 @njit
 def glide(p, v, q, board, acceleration, age, gain, params, out):
-    """Fly the glide; fills `out` (4,). Returns True if the board was missed: it is behind the drone, or over it.
+    """Fly the glide; fills `out` (4,). Returns True if the board was missed: it is behind the vehicle, or above it.
 
     `p`, `v` (3,) world, `q` (4,) world from body; `board` (8,) the board now, `acceleration` m/s^2 its own along its
     heading, `age` s since the last detection.
     """
     c, s = math.cos(board[3]), math.sin(board[3])
     speed, turn = board[4], board[5]
-    # The board's own acceleration is asked for along its heading of when the drone will have it.
+    # The board's acceleration is taken along its heading at the time at which the vehicle will have reached it.
     then = board[3] + _AHEAD * turn
     bx = acceleration * math.cos(then) - turn * speed * math.sin(then)
     by = acceleration * math.sin(then) + turn * speed * math.cos(then)
@@ -84,12 +88,12 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
     sight = (1.0 - behind) / max(distance, 1e-6)
     ux, uy = behind * c + sight * dx, behind * s + sight * dy
     norm = math.sqrt(ux * ux + uy * uy)
-    if norm < 0.1:  # heading and line of sight cancel: the board comes towards the drone
+    if norm < 0.1:  # heading and line of sight cancel: the board comes towards the vehicle
         ux, uy, norm = c, s, 1.0
     ux, uy = ux / norm, uy / norm
     away, side = dx * ux + dy * uy, dy * ux - dx * uy
-    height = p[2] - board[2] - params[pp.ROBOT_L]
-    falling = glide_sink(params[pp.DRAG], turn, age)
+    height = p[2] - board[2] - params[pp.vehicle.contact_below]
+    falling = glide_sink(params[pp.vehicle.drag], turn, age)
     closing, sink, wanted, left = glide_reference(away, falling)
     brake = _BRAKE if left > 0.0 and closing < _FASTEST else 0.0
     if away > _NEAR:
@@ -100,17 +104,17 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
         closing, brake = closing * share, brake * share * share
     rx, ry = v[0] - speed * c, v[1] - speed * s
     nearing, drift = rx * ux + ry * uy, ry * ux - rx * uy
-    # The way down is fixed to the board, so it swings out when the board turns.
-    swing = behind * turn
+    # The reference is fixed to the board, so it moves sideways when the board turns.
+    carried = behind * turn
     most = _SIDEWAYS * (_MARGIN + abs(away))
     stiff = _KP_SIDE * (1.0 + _MORE * min(1.0, max(0.0, 1.0 - height / _LAST)))
-    forward = _KV * (closing - nearing) - brake + swing * turn * away
-    sideways = _KV * (min(most, max(-most, stiff * side)) - swing * away - drift) + 2.0 * swing * nearing
+    forward = _KV * (closing - nearing) - brake + carried * turn * away
+    sideways = _KV * (min(most, max(-most, stiff * side)) - carried * away - drift) + 2.0 * carried * nearing
     ax, ay = forward * ux - sideways * uy + bx, forward * uy + sideways * ux + by
     fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
     if height < _LOW:
         fall = max(fall, -_FALL * falling)
-    # What levels the drone to touch leaves drag unopposed: it would hang back and hover over the board.
+    # Alignment levels the vehicle, which leaves drag uncompensated: without this it would fall back and hover.
     if away < _PRESS_AWAY and abs(side) < _PRESS_SIDE:
         fall = min(fall, -_PRESS)
     if distance > _VIEW:

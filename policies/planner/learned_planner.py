@@ -3,75 +3,66 @@
 from __future__ import annotations
 
 from kernel.jit import njit
-from policies.planner import params as pp
-from policies.planner.planner import (
-    E_AGE,
-    E_SIGMA,
-    E_SPEED_SIGMA,
-    E_STREAK,
-    E_SURPRISE,
-    E_VALID,
-    S_FIT,
-    S_HISTORY,
-    planner_due,
-    planner_step,
-)
+from policies.planner import estimate_row, state_row
+from policies.planner import params_row as pp
+from policies.planner.decide import planner_due
+from policies.planner.planner import planner_step
 from policies.planner.runup import runs_up
-from policies.prediction.coast import COAST_DIM, coast_future, coast_keep, coast_state, coasting
-from policies.prediction.future import carry_swing, predict_swing
-from policies.prediction.learned import G_DOUBT, predict_learned, predictor_push
+from policies.prediction import coast_row, net_row, oscillation_row, speeds_row
+from policies.prediction.coast import coast_future, coast_keep, coast_state, coasting
+from policies.prediction.future import carry_oscillation, predict_oscillation
 from policies.prediction.learned import HISTORY_DIM as _COAST
-from policies.prediction.speed_history import (
-    F_SINCE,
-    F_SURPRISE,
-    FIT_DIM,
-    H_TIME,
-    HISTORY_DIM,
-    fit_swing,
-    history_push,
-)
+from policies.prediction.learned import predict_learned, predictor_push
+from policies.prediction.speed_history import HISTORY_DIM, fit_oscillation, history_push
 
-MEMORY_DIM = _COAST + COAST_DIM
+MEMORY_DIM = _COAST + coast_row.DIM
 _FRESH = 0.25  # s, age of a belief whose speed is still worth remembering
 
 
 @njit
 def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, params, net, scratch, out):
-    """`planner.planner_on_estimate` with the learned predictor; returns the phase.
+    """`planner_on_estimate` with the learned predictor; returns the phase.
 
-    Beyond its arguments: `memory` (MEMORY_DIM,), zeroed with the planner; `net` (predictor.NET_DIM,)
-    float32, empty: the analytic prediction alone; `scratch` (predictor.SCRATCH_DIM,) float32.
+    Beyond its arguments: `memory` (MEMORY_DIM,), zeroed with the planner; `net` (`learned.NET_DIM`,) float32, empty for
+    the analytic prediction alone; `scratch` (`learned.SCRATCH_DIM`,) float32.
     """
     limits = params[pp.COUNT :] if runs_up(x, params) else params
-    history, fit, coast = state[S_HISTORY : S_HISTORY + HISTORY_DIM], state[S_FIT : S_FIT + FIT_DIM], memory[_COAST:]
-    age, learned = estimate[E_AGE], net.shape[0] > 0
-    if estimate[E_VALID] > 0.0:
+    history, fit, coast = (
+        state[state_row.HISTORY : state_row.HISTORY + HISTORY_DIM],
+        state[state_row.FIT : state_row.FIT + oscillation_row.DIM],
+        memory[_COAST:],
+    )
+    age, learned = estimate[estimate_row.AGE], net.shape[0] > 0
+    if estimate[estimate_row.VALID] > 0.0:
         predictor_push(memory[:_COAST], t, x, age)
         if age < _FRESH:
             history_push(history, t, x[4])
-    tau, due = limits[pp.PREDICT_TAU], planner_due(state, t)
+    tau, due = limits[pp.prediction.acceleration_tau], planner_due(state, t)
     if due:
-        fit_swing(history, tau, fit)
-        estimate[E_SURPRISE] = fit[F_SURPRISE]
+        fit_oscillation(history, tau, fit)
+        estimate[estimate_row.SURPRISE] = fit[oscillation_row.SURPRISE]
     if learned and coasting(coast, t, age):
         coast_state(coast, t, step, x)
         if due:
             coast_future(coast, t, step, future)
     else:
-        fit[F_SINCE] = t - history[H_TIME]
+        fit[oscillation_row.SINCE] = t - history[speeds_row.TIME]
         east, north, speed = x[0], x[1], x[4]
-        carry_swing(x, fit, age, limits[pp.FILTER_TAU])
+        carry_oscillation(x, fit, age, limits[pp.prediction.filter_tau])
         if due:
-            predict_swing(x, fit, tau, step, future)
+            predict_oscillation(x, fit, tau, step, future)
             if learned:
-                # The network was taught on the filter's own belief, and makes up for its lag by itself.
+                # The network was trained on the filter's own belief, and corrects that belief's lag by itself.
                 carried_east, carried_north, carried = x[0], x[1], x[4]
                 x[0], x[1], x[4] = east, north, speed
+                sigma, speed_sigma = estimate[estimate_row.SIGMA], estimate[estimate_row.SPEED_SIGMA]
                 trust, surprise = predict_learned(
-                    memory[:_COAST], t, x, estimate[E_SIGMA], estimate[E_SPEED_SIGMA], age, estimate[E_STREAK], step,
-                    net, scratch, limits[pp.PREDICT_TRUST], future,
+                    memory[:_COAST], t, x, sigma, speed_sigma, age, estimate[estimate_row.STREAK], step, net, scratch,
+                    limits[pp.prediction.trust], future,
                 )  # fmt: skip
-                estimate[E_SURPRISE] += net[G_DOUBT] * trust * (surprise - estimate[E_SURPRISE])
+                estimate[estimate_row.SURPRISE] += (
+                    net[net_row.DOUBT] * trust * (surprise - estimate[estimate_row.SURPRISE])
+                )
                 coast_keep(coast, t, age, future)
                 x[0], x[1], x[4] = carried_east, carried_north, carried
     return planner_step(state, t, p, v, q, x, estimate, future, step, params, out)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from policies.planner.learned_planner import MEMORY_DIM, planner_on_learned
-from policies.planner.params import PlannerParams
 from policies.planner.policy import PlannerPolicy
+from policies.prediction import scratch_row
 from policies.prediction.future import STEP
-from policies.prediction.learned import SCRATCH_DIM, load_predictor
+from policies.prediction.learned import load_predictor
 from policies.task.interface import BoardView, Command, VehicleView
 from vehicle.quadrotor.airframe import Airframe
 
@@ -16,11 +16,11 @@ from vehicle.quadrotor.airframe import Airframe
 class LearnedPlannerPolicy(PlannerPolicy):
     """`PlannerPolicy` whose future comes from the network; without enough history it is the analytic one."""
 
-    def __init__(self, airframe: Airframe, params: PlannerParams | None = None, net: np.ndarray | None = None) -> None:
-        """`net`: row of `predictor.load_predictor`, by default the committed one. Raises what that raises."""
+    def __init__(self, airframe: Airframe, net: np.ndarray | None = None) -> None:
+        """`net`: row of `load_predictor`, by default of the committed network. Raises what `load_predictor` raises."""
         self._net = load_predictor() if net is None else net
-        self._memory, self._scratch = np.zeros(MEMORY_DIM), np.zeros(SCRATCH_DIM, dtype=np.float32)
-        super().__init__(airframe, params)
+        self._memory, self._scratch = np.zeros(MEMORY_DIM), np.zeros(scratch_row.DIM, dtype=np.float32)
+        super().__init__(airframe)
 
     def reset(self, now_ns: int) -> None:
         """Start anew; `now_ns` becomes second 0."""

@@ -6,55 +6,48 @@ import math
 
 import numpy as np
 
-from policies.estimation.odometry import NOW_DIM, odometry_now
-from policies.estimation.thrust_drag import G_DRAG, G_GAIN, G_LAGGED, GAIN_DIM
+from policies.estimation import odometry_row, thrust_row
+from policies.estimation.odometry import odometry_now
+from policies.planner import estimate_row, phases, state_row
+from policies.planner.groups import Vehicle
 from policies.planner.params import PlannerParams
-from policies.planner.planner import (
-    E_AGE,
-    E_SIGMA,
-    E_SPEED_SIGMA,
-    E_STREAK,
-    E_SURFACE,
-    E_VALID,
-    ESTIMATE_DIM,
-    HOLD,
-    PHASES,
-    PLANNER_DIM,
-    S_GAIN,
-    planner_on_estimate,
-    planner_reset,
-)
+from policies.planner.planner import planner_on_estimate, planner_reset
 from policies.prediction.future import HORIZON, STEP
 from policies.task.interface import BoardView, Command, VehicleView
+from policies.task.observation import RATE_MAX, THRUST_MAX, THRUST_MIN
 from vehicle.quadrotor.airframe import Airframe
 
 
 def planner_params(airframe: Airframe) -> PlannerParams:
-    """The planner's defaults with the airframe's drag, thrust lag, camera tilt and contact geometry."""
-    return PlannerParams(
+    """The planner's parameters for an airframe: its drag, lag, camera and contact disc, and the range of an action."""
+    vehicle = Vehicle(
         drag=sum(airframe.body.drag[:2]) / 2 / airframe.body.mass,
+        thrust_min=THRUST_MIN,
+        thrust_max=THRUST_MAX,
+        rate_max=RATE_MAX,
         thrust_lag=airframe.motors.lag,
         camera_tilt=math.radians(airframe.camera.tilt_deg),
-        robot_l=airframe.contact.magnet_below,
-        robot_r=airframe.contact.footprint_radius,
+        contact_below=airframe.contact.magnet_below,
+        contact_radius=airframe.contact.footprint_radius,
     )
+    return PlannerParams(vehicle)
 
 
 class PlannerPolicy:
     """One planner; engages once the belief is valid and stays engaged."""
 
-    def __init__(self, airframe: Airframe, params: PlannerParams | None = None) -> None:
-        self._params = (params or planner_params(airframe)).row()
-        self._state = np.zeros(PLANNER_DIM)
-        self._estimate, self._x, self._out = np.zeros(ESTIMATE_DIM), np.zeros(8), np.zeros(4)
-        self._now = np.zeros(NOW_DIM)
+    def __init__(self, airframe: Airframe) -> None:
+        self._params = planner_params(airframe).row()
+        self._state = np.zeros(state_row.DIM)
+        self._estimate, self._x, self._out = np.zeros(estimate_row.DIM), np.zeros(8), np.zeros(4)
+        self._now = np.zeros(odometry_row.DIM)
         self._future = np.zeros((HORIZON, 8))
         self.reset(0)
 
     def reset(self, now_ns: int) -> None:
         """Start anew; `now_ns` becomes second 0."""
         self._origin_ns, self._engaged = now_ns, False
-        planner_reset(self._state, 0.0, self._params)
+        planner_reset(self._state, 0.0)
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
         """One control tick."""
@@ -70,20 +63,22 @@ class PlannerPolicy:
     ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Fill what is known of the board; the time (s) and the vehicle's position, velocity, orientation, now."""
         variance, estimate = board.variance, self._estimate
-        estimate[E_VALID] = 1.0 if board.valid else 0.0
-        estimate[E_SIGMA] = math.sqrt(max(0.0, 0.5 * (variance[0] + variance[1])))
-        estimate[E_SPEED_SIGMA] = math.sqrt(max(0.0, variance[4]))
-        estimate[E_AGE] = (now_ns - board.last_exposure_ns) * 1e-9
-        estimate[E_STREAK] = board.streak
-        estimate[E_SURFACE] = board.surface_sigma
+        estimate[estimate_row.VALID] = 1.0 if board.valid else 0.0
+        estimate[estimate_row.SIGMA] = math.sqrt(max(0.0, 0.5 * (variance[0] + variance[1])))
+        estimate[estimate_row.SPEED_SIGMA] = math.sqrt(max(0.0, variance[4]))
+        estimate[estimate_row.AGE] = (now_ns - board.last_exposure_ns) * 1e-9
+        estimate[estimate_row.STREAK] = board.streak
+        estimate[estimate_row.SURFACE] = board.surface_sigma
         self._x[:3] = board.position
         self._x[3:] = board.heading, board.speed, board.turn_rate, board.inclination, board.acceleration
-        gain = self._state[S_GAIN : S_GAIN + GAIN_DIM]
-        now = odometry_now(now_ns, vehicle, gain[G_GAIN] * gain[G_LAGGED], gain[G_DRAG], self._now)
+        gain = self._state[state_row.GAIN : state_row.GAIN + thrust_row.DIM]
+        now = odometry_now(
+            now_ns, vehicle, gain[thrust_row.GAIN] * gain[thrust_row.LAGGED], gain[thrust_row.DRAG], self._now
+        )
         return (now_ns - self._origin_ns) * 1e-9, *now
 
     def _command(self, phase: int) -> Command:
-        self._engaged = self._engaged or phase != HOLD
+        self._engaged = self._engaged or phase != phases.HOLD
         p, q, r, thrust = (float(value) for value in self._out)
-        gain = float(self._state[S_GAIN + G_GAIN])
-        return Command(self._engaged, (p, q, r), thrust, PHASES[int(phase)], gain)
+        gain = float(self._state[state_row.GAIN + thrust_row.GAIN])
+        return Command(self._engaged, (p, q, r), thrust, phases.PHASES[int(phase)], gain)

@@ -1,11 +1,11 @@
-"""The run-up to a steep board: a motion relative to the board that ends where the flare can begin.
+"""The run-up: the accelerated approach to a steep board, relative to it, that ends where the flare begins.
 
-On a steep board the drone ends nose-up, and while it turns up its thrust brakes it by several m/s: it has to arrive
-fast. Seen backward from contact: a flare of constant thrust and body rate, before that a level coast in which the
-camera sees the board again, before that an acceleration gentle enough to keep the camera's pitch, from a standoff at
+On a steep board the vehicle ends nose-up, and during that turn its thrust brakes it by several m/s: it has to arrive
+fast. Backward in time from contact: a flare of constant thrust and body rate; before it a level coast in which the
+camera sees the board again; before that an acceleration small enough to keep the camera's pitch, from a standoff at
 rest. The run-up is flown on the present belief alone; only the last second has to be planned on a prediction.
 
-All of it lives in the vertical plane of the board's heading: x forward, z up, from the board's centre, in its motion.
+Everything is in the vertical plane of the board's heading: x forward, z up, from the board's centre, moving with it.
 """
 
 from __future__ import annotations
@@ -13,29 +13,30 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, face, keep_in_view
 from policies.prediction.speed_history import history_range
+from vehicle.quadrotor.airframe import GRAVITY
 
-_LOOK_DOWN = math.radians(33.7)  # below the horizon the camera still sees the board where the run-up begins
-_CRAWL, _STRIDE = 0.5, 1.75  # m/s: a slow board, and one that is not
-_STEADY = 0.3  # m/s, a range of speeds that makes no moment better than another
+_LOOK_DOWN = math.radians(33.7)  # below the horizon: the camera still sees the board at the start of the run-up
+_SLOW, _FAST = 0.5, 1.75  # m/s, speeds between which a board goes from slow to not slow
+_STEADY = 0.3  # m/s, range of speeds below which no moment is better than another
 
 
 @njit
 def runs_up(board, params):
     """True for a board so steep for its speed that it takes a run-up: a slow one can be met from any side."""
-    slow = min(1.0, max(0.0, 1.0 - (abs(board[4]) - _CRAWL) / (_STRIDE - _CRAWL)))
-    return board[6] >= params[pp.RUN_INCLINATION] + params[pp.RUN_SLOW] * slow
+    slow = min(1.0, max(0.0, 1.0 - (abs(board[4]) - _SLOW) / (_FAST - _SLOW)))
+    return board[6] >= params[pp.run_up.inclination] + params[pp.run_up.inclination_slow] * slow
 
 
 @njit
-def flare_gate(inclination, params):
+def flare_start(inclination, params):
     """Where and how fast the flare begins, relative to the board: (x m, z m, vx m/s, vz m/s, its duration s)."""
-    f, w, g, into = params[pp.RUN_THRUST], params[pp.RUN_RATE], params[pp.GRAVITY], params[pp.IMPACT_SPEED]
+    f, w, g, into = params[pp.run_up.thrust], params[pp.run_up.rate], GRAVITY, params[pp.contact.speed]
     s, c = math.sin(inclination), math.cos(inclination)
     t = inclination / w
-    vx1, vz1, offset = into * s, -into * c, params[pp.ROBOT_L]
+    vx1, vz1, offset = into * s, -into * c, params[pp.vehicle.contact_below]
     vx = vx1 + f / w * (1.0 - c)
     vz = vz1 - f / w * s + g * t
     x = -offset * s - vx1 * t - f / w * (s / w - t * c)
@@ -45,33 +46,33 @@ def flare_gate(inclination, params):
 
 @njit
 def runup_time(inclination, params):
-    """Seconds from the standoff to the gate."""
-    return params[pp.RUN_COAST] + flare_gate(inclination, params)[2] / params[pp.RUN_ACCEL]
+    """Seconds from the standoff to the start of the flare."""
+    return params[pp.run_up.coast] + flare_start(inclination, params)[2] / params[pp.run_up.acceleration]
 
 
 @njit
 def _rise(inclination, params):
-    """Vertical acceleration (m/s^2) of the run-up: it begins high, but no higher than the camera can look down from.
+    """Vertical acceleration (m/s^2) of the run-up: it begins high, but only as high as the camera can look down from.
 
     At its end the nose is down by as much as the camera's half field of view: a board that is not far enough below
     leaves the picture by its upper edge.
     """
-    x, z, vx, vz, _ = flare_gate(inclination, params)
+    x, z, vx, vz, _ = flare_start(inclination, params)
     time = runup_time(inclination, params)
-    away = vx * time - 0.5 * vx * vx / params[pp.RUN_ACCEL] - x
+    away = vx * time - 0.5 * vx * vx / params[pp.run_up.acceleration] - x
     seen = 2.0 * (away * math.tan(_LOOK_DOWN) - z + vz * time) / (time * time)
-    return min(params[pp.RUN_RISE], max(0.0, seen))
+    return min(params[pp.run_up.rise], max(0.0, seen))
 
 
 @njit
 def met_slow(future, step, inclination, share, history, params):
-    """True if a run-up begun now meets the board in the lowest `share` of its speeds, remembered and foretold.
+    """True if a run-up begun now meets the board in the lowest `share` of its past and predicted speeds.
 
-    Fast is hard: the flare begins faster, the camera has been pitched away from the board for longer, and an error in
-    the time of contact is a larger error along the board. A board that hardly changes its speed is never waited for.
+    A fast board is harder: the flare begins faster, the camera is pitched away from the board for longer, and an error
+    in the time of contact is a larger error along the board. A board of nearly constant speed is not waited for.
     `future` (K, 8) from now on, `history` a speed history row.
     """
-    ahead = (runup_time(inclination, params) + flare_gate(inclination, params)[4]) / step
+    ahead = (runup_time(inclination, params) + flare_start(inclination, params)[4]) / step
     least, most = history_range(history)
     for k in range(future.shape[0]):
         least, most = min(least, abs(future[k, 4])), max(most, abs(future[k, 4]))
@@ -81,15 +82,15 @@ def met_slow(future, step, inclination, share, history, params):
 
 @njit
 def runup_reference(left, inclination, params):
-    """(x, z, vx, vz, ax, az) relative to the board, `left` s before the gate (negative: coasting on past it)."""
-    x, z, vx, vz, _ = flare_gate(inclination, params)
+    """(x, z, vx, vz, ax, az) relative to the board, `left` s before the flare (negative: coasting on)."""
+    x, z, vx, vz, _ = flare_start(inclination, params)
     az, ax = _rise(inclination, params), 0.0
     z, vz = z - vz * left + 0.5 * az * left * left, vz - az * left
     x -= vx * left
-    if left > params[pp.RUN_COAST]:
-        ax = params[pp.RUN_ACCEL]
-        since = min(left - params[pp.RUN_COAST], vx / ax)
-        x += 0.5 * ax * since * since + vx * (left - params[pp.RUN_COAST] - since)
+    if left > params[pp.run_up.coast]:
+        ax = params[pp.run_up.acceleration]
+        since = min(left - params[pp.run_up.coast], vx / ax)
+        x += 0.5 * ax * since * since + vx * (left - params[pp.run_up.coast] - since)
         vx -= ax * since
     return x, z, vx, vz, ax, az
 
@@ -98,27 +99,27 @@ def runup_reference(left, inclination, params):
 def fly_runup(left, resting, p, v, q, board, acceleration, gain, params, out):
     """Track the run-up, or with `resting` its starting point; fills `out` (4,). Returns position and speed error.
 
-    `left` s to the gate; `acceleration` m/s^2 of the board now.
+    `left` s to the flare; `acceleration` m/s^2 of the board now.
     """
     x, z, ux, uz, ax, az = runup_reference(left, board[6], params)
     if resting:
         ux = uz = ax = az = 0.0
     c, s = math.cos(board[3]), math.sin(board[3])
     speed, turn = board[4], board[5]
-    # The reference turns with the board: its far end swings out.
+    # The reference turns with the board, so its far end moves sideways.
     wx, wy = (speed + ux) * c - turn * x * s, (speed + ux) * s + turn * x * c
     ex, ey, ez = board[0] + x * c - p[0], board[1] + x * s - p[1], board[2] + z - p[2]
     dx, dy, dz = wx - v[0], wy - v[1], uz - v[2]
-    kp, kv = params[pp.RUN_KP], params[pp.RUN_KV]
+    kp, kv = params[pp.run_up.kp], params[pp.run_up.kv]
     error, rate = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(dx * dx + dy * dy + dz * dz)
     pull = kp / kv
     if resting:
-        pull = min(params[pp.RUN_PULL], params[pp.FOLLOW_SPEED] / max(error, 1e-6))
+        pull = min(params[pp.run_up.pull], params[pp.follow.speed] / max(error, 1e-6))
     forward, side = ax + acceleration - turn * turn * x, turn * (speed + 2.0 * ux)
     bx = forward * c - side * s + kv * (dx + pull * ex)
     by = forward * s + side * c + kv * (dy + pull * ey)
     bz = az + kv * (dz + pull * ez)
-    tilt = params[pp.FOLLOW_TILT]
+    tilt = params[pp.follow.tilt]
     if resting:
         bx, by = keep_in_view(bx, by, p, board, params)
     yaw_rate = face(q, p, board, params) + turn

@@ -1,6 +1,6 @@
 """The search for a perch: durations times terminal thrusts, each one closed-form motion, judged on samples.
 
-A motion ends at (board + offset along its normal, v_board - impact_speed n, f z - g): on the board, at the impact
+A motion ends at (board + offset along its normal, v_board - impact_speed n, f z - g): on the board, at the contact
 speed, with the body's z axis where thrust f points, which is the normal n but for a small lean up the slope.
 """
 
@@ -10,15 +10,16 @@ import math
 
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 from policies.planner import polynomial as poly
 from policies.prediction.future import board_at
+from vehicle.quadrotor.airframe import GRAVITY
 
 SAMPLES = 14
 THRUSTS = 5
-_REACH = 0.6  # m, clearance over the board's plane is asked only this near to the board
-_GROUND = 0.35  # m
-_STEADY = 0.5  # m/s^2, accelerations foretold for a board that keeps its speed
+_REACH = 0.6  # m, clearance over the board's plane is demanded only this near to the board
+_GROUND = 0.35  # m, least height over the ground
+_STEADY = 0.5  # m/s^2, predicted acceleration of a board of constant speed at most
 _C = poly.COEFFICIENTS
 MOTION_DIM = 3 * _C
 
@@ -27,18 +28,18 @@ MOTION_DIM = 3 * _C
 def _drift(start, board, vx, vy, ax, ay, duration, params):
     """How far beside the board's centre (m, to its left) a perch in `duration` s may end.
 
-    Late corrections across the board tilt the drone when it has to turn up, and the board is wide: the nearer contact
-    is, the more the motion ends where the drone drifts to anyway, by up to MISS. `vx`..`ay`: the motion's end.
+    Late corrections across the board tilt the vehicle when it has to turn up, and the board is wide: the nearer contact
+    is, the more the motion ends where the vehicle drifts anyway, by up to `Contact.miss`. `vx`..`ay`: the motion's end.
     """
-    free = min(1.0, max(0.0, 2.0 - 2.0 * duration / max(params[pp.AIM], 1e-6)))
+    free = min(1.0, max(0.0, 2.0 - 2.0 * duration / max(params[pp.contact.aim], 1e-6)))
     if free <= 0.0:
         return 0.0
     ch, sh = math.cos(board[3]), math.sin(board[3])
     mean_x, mean_y = 0.5 * duration * (start[3] + vx), 0.5 * duration * (start[4] + vy)
-    swing = duration * duration / 12.0
-    dx = start[0] + mean_x + swing * (start[6] - ax) - board[0]
-    dy = start[1] + mean_y + swing * (start[7] - ay) - board[1]
-    return free * min(params[pp.MISS], max(-params[pp.MISS], dy * ch - dx * sh))
+    bend = duration * duration / 12.0
+    dx = start[0] + mean_x + bend * (start[6] - ax) - board[0]
+    dy = start[1] + mean_y + bend * (start[7] - ay) - board[1]
+    return free * min(params[pp.contact.miss], max(-params[pp.contact.miss], dy * ch - dx * sh))
 
 
 @njit
@@ -49,17 +50,21 @@ def fit_perch(start, board, duration, thrust, skid, params, motion):
     the slope, relative to the board) at contact.
     """
     nx, ny, nz = board_normal(board)
-    offset = params[pp.ROBOT_L] - params[pp.OVERSHOOT] - params[pp.OVERSHOOT_SWING] * max(0.0, abs(board[7]) - _STEADY)
-    into, flat = params[pp.IMPACT_SPEED], params[pp.FLATTEN] * max(0.0, 2.0 * nz - 1.0)
+    offset = (
+        params[pp.vehicle.contact_below]
+        - params[pp.contact.overshoot]
+        - params[pp.contact.overshoot_by_acceleration] * max(0.0, abs(board[7]) - _STEADY)
+    )
+    into, flat = params[pp.contact.speed], params[pp.contact.flatten] * max(0.0, 2.0 * nz - 1.0)
     ch, sh = math.cos(board[3]), math.sin(board[3])
     vx = (board[4] + skid * nz) * ch - into * nx
     vy = (board[4] + skid * nz) * sh - into * ny
     vz = skid * math.sin(board[6]) - into * nz
-    drag = params[pp.DRAG]
-    lean = params[pp.LEAN] * min(1.0, 2.0 * math.sin(board[6]))
+    drag = params[pp.vehicle.drag]
+    lean = params[pp.contact.lean] * min(1.0, 2.0 * math.sin(board[6]))
     cl, sl = math.cos(lean), math.sin(lean)
     zx, zy, zz = nx * cl + nz * ch * sl, ny * cl + nz * sh * sl, nz * cl + math.sin(board[6]) * sl
-    fx, fy, fz = thrust * zx - drag * vx, thrust * zy - drag * vy, thrust * zz - drag * vz - params[pp.GRAVITY]
+    fx, fy, fz = thrust * zx - drag * vx, thrust * zy - drag * vy, thrust * zz - drag * vz - GRAVITY
     aside = _drift(start, board, vx, vy, fx, fy, duration, params)
     x, y = board[0] + offset * nx - aside * sh, board[1] + offset * ny + aside * ch
     poly.fit_axis(start[0], start[3], start[6], x, vx, fx, duration, flat, motion, 0)
@@ -73,7 +78,7 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
 
     `low`, `high`: thrust the vehicle can really give, m/s^2. `board` (8,) is scratch.
     """
-    g, drag = params[pp.GRAVITY], params[pp.DRAG]
+    g, drag = GRAVITY, params[pp.vehicle.drag]
     cost, gap = 0.0, 0.0
     dt = duration / SAMPLES
     for k in range(1, SAMPLES + 1):
@@ -86,14 +91,14 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
         f = max(0.5, math.sqrt(fx * fx + fy * fy + fz * fz))
         zx, zy, zz = fx / f, fy / f, fz / f
         excess = max(0.0, low - f, f - high)
-        cost += params[pp.W_THRUST] * excess * excess * dt
+        cost += params[pp.weights.thrust] * excess * excess * dt
         jx, jy, jz = poly.jerk(motion, 0, t), poly.jerk(motion, _C, t), poly.jerk(motion, 2 * _C, t)
         along = jx * zx + jy * zy + jz * zz
         rate = math.sqrt(max(0.0, jx * jx + jy * jy + jz * jz - along * along)) / f
-        excess = max(0.0, rate - 0.9 * params[pp.RATE_MAX])
-        cost += params[pp.W_RATE] * excess * excess * dt
-        excess = max(0.0, math.sqrt(vx * vx + vy * vy + vz * vz) - params[pp.SPEED_MAX])
-        cost += params[pp.W_SPEED] * excess * excess * dt
+        excess = max(0.0, rate - 0.9 * params[pp.vehicle.rate_max])
+        cost += params[pp.weights.rate] * excess * excess * dt
+        excess = max(0.0, math.sqrt(vx * vx + vy * vy + vz * vz) - params[pp.search.speed_max])
+        cost += params[pp.weights.speed] * excess * excess * dt
         if k < SAMPLES:
             x, y, z = poly.position(motion, 0, t), poly.position(motion, _C, t), poly.position(motion, 2 * _C, t)
             board_at(future, step, offset + t, board)
@@ -103,20 +108,22 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
             distance = math.sqrt(dx * dx + dy * dy + dz * dz)
             height = nx * dx + ny * dy + nz * dz
             if distance < _REACH:
-                edge = params[pp.ROBOT_L] * cosine + params[pp.ROBOT_R] * math.sqrt(max(0.0, 1.0 - cosine * cosine))
+                edge = params[pp.vehicle.contact_below] * cosine + params[pp.vehicle.contact_radius] * math.sqrt(
+                    max(0.0, 1.0 - cosine * cosine)
+                )
                 short = max(0.0, edge + 0.05 * min(1.0, left / 0.3) - height)
-                cost += params[pp.W_CLEARANCE] * short * short * dt
+                cost += params[pp.weights.clearance] * short * short * dt
             short = max(0.0, _GROUND - z)
-            cost += params[pp.W_CLEARANCE] * short * short * dt
-            if left > params[pp.BLIND]:
-                # Angle of the board below the body's x-y plane: the drone is taken to face the board.
+            cost += params[pp.weights.clearance] * short * short * dt
+            if left > params[pp.search.blind]:
+                # Angle of the board below the body's x-y plane, if the vehicle faces the board.
                 below = math.asin(min(1.0, max(-1.0, (dx * zx + dy * zy + dz * zz) / max(distance, 1e-6))))
-                out = max(0.0, abs(below - params[pp.CAMERA_TILT]) - params[pp.CAMERA_HALF_FOV])
+                out = max(0.0, abs(below - params[pp.vehicle.camera_tilt]) - params[pp.search.half_view])
                 facing = max(0.0, 0.2 - height / max(distance, 1e-6))
-                # A gap in the view costs with its square: what the board did meanwhile has to be made up for at once.
+                # A gap in the view costs with its square: the board's motion meanwhile has to be corrected at once.
                 unseen = min(1.0, 10.0 * out + 10.0 * facing)
                 gap = unseen * (gap + dt)
-                cost += 2.0 * params[pp.W_VIEW] * gap * dt
+                cost += 2.0 * params[pp.weights.visibility] * gap * dt
         if cost > limit:
             return cost
     return cost
@@ -128,32 +135,34 @@ def search(
 ):
     """The cheapest perch from `start` with a duration in [shortest, longest] s; fills `best` ((MOTION_DIM,)).
 
-    `offset` s: of the motion's start from `future`'s first row; `gain`: achieved over asked thrust; `remaining`: what
-    is left of the plan under way (0: none), whose postponement costs. `scratch` (MOTION_DIM,), `target` and
+    `offset` s: of the motion's start from `future`'s first row; `gain`: achieved over commanded thrust;
+    `remaining` s of the plan under way (0: none), whose postponement costs. `scratch` (MOTION_DIM,), `target` and
     `board` (8,) are overwritten.
     Returns (cost, duration, terminal thrust); cost is infinite if nothing finite was found.
     """
-    low, high = params[pp.THRUST_MIN] * gain + 0.2, 0.95 * params[pp.THRUST_MAX] * gain
+    low, high = params[pp.vehicle.thrust_min] * gain + 0.2, 0.95 * params[pp.vehicle.thrust_max] * gain
     least, found, found_thrust = math.inf, 0.0, 0.0
     span = (longest - shortest) / max(1, durations - 1)
     for i in range(durations):
         duration = shortest + span * i
-        base = params[pp.W_TIME] * duration
+        base = params[pp.weights.time] * duration
         if remaining > 0.0:
-            base += params[pp.W_POSTPONE] * max(0.0, duration - remaining)
+            base += params[pp.weights.postpone] * max(0.0, duration - remaining)
         if base >= least:
             continue
         board_at(future, step, offset + duration + step, board)
         board_at(future, step, offset + duration, target)
         target[7] = (board[4] - target[4]) / step
         for j in range(2 * THRUSTS):
-            thrust = params[pp.F_MIN] + (params[pp.F_MAX] - params[pp.F_MIN]) * (j // 2) / (THRUSTS - 1)
-            skid = params[pp.SKID] if j % 2 == 1 else 0.0
+            thrust = params[pp.search.thrust_min] + (params[pp.search.thrust_max] - params[pp.search.thrust_min]) * (
+                j // 2
+            ) / (THRUSTS - 1)
+            skid = params[pp.contact.skid] if j % 2 == 1 else 0.0
             extra = (
                 base
                 + 0.3 * max(0.0, low + 0.3 - thrust)
-                + params[pp.W_FORCE] * thrust
-                + params[pp.W_SKID] * skid * skid
+                + params[pp.weights.force] * thrust
+                + params[pp.weights.skid] * skid * skid
             )
             if extra >= least or (j % 2 == 1 and skid == 0.0):
                 continue

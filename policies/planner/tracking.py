@@ -6,7 +6,7 @@ import math
 
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
-from policies.planner import params as pp
+from policies.planner import params_row as pp
 
 
 @njit
@@ -15,7 +15,7 @@ def track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, p
 
     `q` (4,) world from body; `f` wanted specific force now (world, m/s^2, gravity added); `g`, `j` the specific force
     and its derivative one rate lag ahead: they feed the rate forward; `yaw_rate` about body z; `thrust` wanted m/s^2;
-    `gain` achieved over asked thrust. Rates and thrust are clipped to the limits.
+    `gain` achieved over commanded thrust. Rates and thrust are clipped to the limits.
     """
     zx, zy, zz = body_z(q)
     norm = max(1e-6, math.sqrt(fx * fx + fy * fy + fz * fz))
@@ -23,23 +23,23 @@ def track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, p
     cx, cy, cz = zy * dz - zz * dy, zz * dx - zx * dz, zx * dy - zy * dx
     sine = math.sqrt(cx * cx + cy * cy + cz * cz)
     cosine = zx * dx + zy * dy + zz * dz
-    turn = params[pp.ATTITUDE_K] * math.atan2(sine, cosine) / max(sine, 1e-6)
+    turn = params[pp.tracking.attitude_k] * math.atan2(sine, cosine) / max(sine, 1e-6)
     ahead = max(1.0, math.sqrt(gx * gx + gy * gy + gz * gz))
     ux, uy, uz = gx / ahead, gy / ahead, gz / ahead
     rx, ry, rz = (uy * jz - uz * jy) / ahead, (uz * jx - ux * jz) / ahead, (ux * jy - uy * jx) / ahead
     wx, wy, _ = rotate_back(q, turn * cx + rx, turn * cy + ry, turn * cz + rz)
-    limit = params[pp.RATE_MAX]
+    limit = params[pp.vehicle.rate_max]
     out[0] = min(limit, max(-limit, wx))
     out[1] = min(limit, max(-limit, wy))
     out[2] = min(limit, max(-limit, yaw_rate))
-    out[3] = min(params[pp.THRUST_MAX], max(params[pp.THRUST_MIN], thrust / gain))
+    out[3] = min(params[pp.vehicle.thrust_max], max(params[pp.vehicle.thrust_min], thrust / gain))
 
 
 @njit
 def yaw_error(q, dx, dy):
     """Angle (rad, (-pi, pi]) about the vertical from where the body faces to the direction (dx, dy).
 
-    The facing is taken from the body's y axis, which stays near the horizontal while the drone flares.
+    The facing is taken from the body's y axis, which stays near the horizontal during the flare.
     """
     yx, yy = 2.0 * (q[1] * q[2] - q[0] * q[3]), 1.0 - 2.0 * (q[1] * q[1] + q[3] * q[3])
     cx, cy = yy, -yx

@@ -3,10 +3,10 @@
 python -m policies.prediction.learned_training [--minutes M] [--drives N] [--seed S] [--out FILE]
 
 Supervised: the path that the network's speeds and turn rates give, integrated as in flight but without
-`predictor.believe_filter`, shall be the path that was driven. One thread. Prints the error at about 0.5, 1, 1.5 and 2 s
-on held-out drives beside the base motion's.
-The committed weights: --minutes 9 --seed 1 --out A, then --minutes 7 --seed 2 --start A --out B, each with a filter of
-before, then --minutes 5 --seed 3 --start B with one nearly as today's (accel_sigma, accel_tau, settle: 1.2, 0.3, 0.8).
+`learned.believe_filter`, is trained to be the path that was driven. One thread. Prints the error at about 0.5, 1, 1.5
+and 2 s on held-out drives beside the base motion's. The committed weights: --minutes 9 --seed 1 --out A, then --minutes
+7 --seed 2 --start A --out B, each with earlier filter parameters, then --minutes 5 --seed 3 --start B with accel_sigma
+1.2, accel_tau 0.3 and settle 0.8.
 """
 
 from __future__ import annotations
@@ -21,38 +21,37 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from policies.prediction import context_row, input_row, net_row
 from policies.prediction import learned as pd
 from policies.prediction.future import HORIZON, STEP
 from policies.prediction.learned_data import EVERY, TARGETS, Examples, make_examples
 
 BATCH = 1024
-GATE = (
-    0.3,
-    0.7,
-    0.8,
-    1.6,
-    0.0,
-)  # see predictor.G_FROM ..; from the validation below: where the network stops being better
+LIMITS = (0.3, 0.7, 0.8, 1.6, 0.0)  # of trust, as in net_row from LIMITS on; from the validation below
 AHEAD = np.arange(TARGETS) * EVERY * STEP
-_MIRRORED = (1, 5)  # channels of an entry that change sign in a mirror: turn rate, sideways speed
+_MIRRORED = (input_row.TURN_RATE, input_row.ACROSS)  # channels of a tap that change sign in a reflection
 
 
 def mirror_signs() -> tuple[Tensor, Tensor]:
-    """Signs of (inputs, targets) of the mirrored drive."""
-    inputs = torch.ones(pd.INPUTS)
+    """Signs of inputs ((net_row.INPUTS,)) and of a target ((target_row.DIM,)) of the reflected drive."""
+    inputs = torch.ones(net_row.INPUTS)
     for channel in _MIRRORED:
-        inputs[channel : pd.TAPS * 6 : 6] = -1.0
-    inputs[pd.TAPS * 6 + 1] = -1.0
+        inputs[channel : input_row.NOW : input_row.CHANNELS] = -1.0
+    inputs[input_row.NOW + input_row.TURN_RATE] = -1.0
     return inputs, torch.tensor([1.0, -1.0, -1.0, 1.0])
 
 
 def build_network() -> nn.Sequential:
     """The network in torch; its last layer starts at zero, that is at the base motion."""
-    last = nn.Linear(pd.HIDDEN2, pd.OUTPUTS)
+    last = nn.Linear(net_row.HIDDEN2, net_row.OUTPUTS)
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)
     return nn.Sequential(
-        nn.Linear(pd.INPUTS, pd.HIDDEN1), nn.ReLU(), nn.Linear(pd.HIDDEN1, pd.HIDDEN2), nn.ReLU(), last
+        nn.Linear(net_row.INPUTS, net_row.HIDDEN1),
+        nn.ReLU(),
+        nn.Linear(net_row.HIDDEN1, net_row.HIDDEN2),
+        nn.ReLU(),
+        last,
     )
 
 
@@ -60,11 +59,11 @@ def network_row(network: nn.Sequential) -> np.ndarray:
     """The network as the kernels' row."""
     linear = [layer for layer in network if isinstance(layer, nn.Linear)]
     layers = [(m.weight.detach().numpy().T.copy(), m.bias.detach().numpy()) for m in linear]
-    return pd.pack_network(layers, GATE)
+    return pd.pack_network(layers, LIMITS)
 
 
 class DrivenPath(nn.Module):
-    """From outputs to the path: base motion + interpolated residuals, integrated like `predictor.integrate_rows`."""
+    """From outputs to the path: base motion + interpolated residuals, integrated like `learned.integrate_rows`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -77,8 +76,8 @@ class DrivenPath(nn.Module):
         speed, turn = now[:, :1], now[:, 1:2]
         speeds = speed + now[:, 2:] * self.gain
         ratio = torch.where(speed.abs() > 0.5, speeds / torch.where(speed.abs() > 0.5, speed, 1.0), 1.0)
-        turns = turn * ratio.clamp(-1.0, 2.0) + outputs[:, pd.K : 2 * pd.K] @ self.spread
-        speeds = speeds + outputs[:, : pd.K] @ self.spread
+        turns = turn * ratio.clamp(-1.0, 2.0) + outputs[:, net_row.KNOTS : 2 * net_row.KNOTS] @ self.spread
+        speeds = speeds + outputs[:, : net_row.KNOTS] @ self.spread
         turns, speeds = turns.clamp(-2.5, 2.5), speeds.clamp(-4.0, 4.0)
         step = 0.5 * STEP * (turns[:, 1:] + turns[:, :-1])
         heading = torch.cat([torch.zeros_like(speed), step.cumsum(1)], 1)
@@ -123,12 +122,14 @@ def report(found: dict[str, np.ndarray], data: Examples) -> str:
     at = [int(np.argmin(np.abs(AHEAD - t))) for t in (0.45, 0.9, 1.5, 2.1)]
     lines = [f"{name:8} " + " ".join(f"{e[:, at].mean(0)[j]:.3f}" for j in range(4)) for name, e in found.items()]
     ratio = found["learned"][:, at[1]], found["base"][:, at[1]]
-    for column, edges in ((7, (0, 0.2, 0.4, 0.6, 0.8, 1.2, 2, 3, 5.1)), (5, (0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.2, 2))):
+    for name, column, edges in (
+        ("history", context_row.HISTORY, (0, 0.2, 0.4, 0.6, 0.8, 1.2, 2, 3, 5.1)),
+        ("age", context_row.AGE, (0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.2, 2)),
+    ):
         value = data.contexts[:, column]
         for low, high in itertools.pairwise(edges):
             chosen = (value >= low) & (value < high)
             if chosen.sum() > 30:
-                name = "history" if column == 7 else "age"
                 lines.append(
                     f"{name} {low}-{high} s: learned {ratio[0][chosen].mean():.3f} base {ratio[1][chosen].mean():.3f}"
                 )

@@ -1,8 +1,8 @@
-"""What the board's speed did in the last seconds, and what that says of the next ones.
+"""A fit of the board's speed over the last seconds, to predict the next ones.
 
-A law that swings (paper's Hard-I: 1.0 to 2.5 m/s every 3 s) cannot be seen in one belief. The believed speeds of the
-last five seconds are fitted with a constant plus one sinusoid, at each of a few periods; a fit that would have foretold
-the newest of them is continued, one that would not leaves the prediction alone.
+An oscillating speed (paper's Hard-I: 1.0 to 2.5 m/s every 3 s) does not show in one belief. The believed speeds of the
+last five seconds are fitted with a constant plus one sinusoid, at each of a few periods. A fit that predicts the newest
+of them well is continued; otherwise the prediction is left as it is.
 """
 
 from __future__ import annotations
@@ -10,68 +10,62 @@ from __future__ import annotations
 import math
 
 from kernel.jit import njit
+from policies.prediction import oscillation_row, speeds_row
 
 SAMPLE = 0.05  # s between entries
 LENGTH = 100  # entries: 5 s
-# A history row: count, head, time of the newest entry, then the ring of speeds (m/s).
-H_COUNT, H_HEAD, H_TIME, H_RING = 0, 1, 2, 3
-HISTORY_DIM = H_RING + LENGTH
+HISTORY_DIM = speeds_row.RING + LENGTH
 
 _PERIODS = (1.6, 1.8, 2.0, 2.2, 2.45, 2.7, 3.0, 3.3, 3.7, 4.2, 5.0, 6.5, 9.0, 14.0, 25.0)  # s
 _MEMORY = 3.0  # s, older speeds count less
 _LEAST = 1.0  # s of history before anything is fitted
 _GAP = 1.2  # s, longest gap that is filled
 _NOISE = 0.04  # m/s, of the believed speed
-_SETTLE = 8  # entries in which the filter only finds the speed
-_BACK = 14  # entries of the newest past that a fit has to foretell: 0.7 s
+_SETTLE = 8  # entries after a start in which the filter's speed has not converged
+_BACK = 14  # newest entries that a fit has to predict: 0.7 s
 _RIDGE = 0.002
 _LINE = 6  # entries to which the line through the speed is fitted that a fit has to beat
 
-# A fit row: angular frequency, cosine and sine amplitudes (phase 0 is now), trust 0..1, surprise (m/s, rms error of
-# foretelling the newest past; UNKNOWN while the history is short), constant (m/s), seconds from its
-# phase 0, the newest entry, to now (whoever predicts with it writes that).
-FIT_DIM = 7
-F_TRUST, F_SURPRISE, F_SINCE = 3, 4, 6
 UNKNOWN = 0.3
 
 
 @njit
 def history_clear(history):
-    """Forget everything."""
+    """Empty the history."""
     history[:] = 0.0
 
 
 @njit
 def history_push(history, t, speed):
-    """Remember the believed `speed` (m/s, signed) at `t` (s) if the last entry is SAMPLE old.
+    """Append the believed `speed` (m/s, signed) at `t` (s) if the last entry is SAMPLE old.
 
     A gap is filled with a straight line, so that entries stay SAMPLE apart; one of more than _GAP clears.
     """
     count = 1
-    if history[H_COUNT] > 0.0:
-        count = int((t - history[H_TIME]) / SAMPLE + 1e-6)
+    if history[speeds_row.COUNT] > 0.0:
+        count = int((t - history[speeds_row.TIME]) / SAMPLE + 1e-6)
         if count < 1:
             return
         if count * SAMPLE > _GAP:
             history_clear(history)
             count = 1
-    head = int(history[H_HEAD])
-    before = history[H_RING + head]
-    time = history[H_TIME] + count * SAMPLE if history[H_COUNT] > 0.0 else t
+    head = int(history[speeds_row.HEAD])
+    before = history[speeds_row.RING + head]
+    time = history[speeds_row.TIME] + count * SAMPLE if history[speeds_row.COUNT] > 0.0 else t
     for i in range(1, count + 1):
         head = (head + 1) % LENGTH
-        history[H_RING + head] = before + (speed - before) * i / count
-    history[H_HEAD], history[H_TIME] = head, time
-    history[H_COUNT] = min(history[H_COUNT] + count, float(LENGTH))
+        history[speeds_row.RING + head] = before + (speed - before) * i / count
+    history[speeds_row.HEAD], history[speeds_row.TIME] = head, time
+    history[speeds_row.COUNT] = min(history[speeds_row.COUNT] + count, float(LENGTH))
 
 
 @njit
 def history_range(history):
     """(least, most) size of the remembered speeds, m/s, without the first _SETTLE entries; (inf, 0) of none."""
     least, most = math.inf, 0.0
-    head = int(history[H_HEAD])
-    for i in range(int(history[H_COUNT]) - _SETTLE):
-        speed = abs(history[H_RING + (head - i) % LENGTH])
+    head = int(history[speeds_row.HEAD])
+    for i in range(int(history[speeds_row.COUNT]) - _SETTLE):
+        speed = abs(history[speeds_row.RING + (head - i) % LENGTH])
         least, most = min(least, speed), max(most, speed)
     return least, most
 
@@ -95,14 +89,14 @@ def _solve3(a00, a01, a02, a11, a12, a22, b0, b1, b2):
 @njit
 def _fit(history, skip, fit):
     """Constant + sinusoid on all but the newest `skip` entries; phase 0 is at the newest one used. False: too short."""
-    n, head = int(history[H_COUNT]) - skip, int(history[H_HEAD]) - skip
+    n, head = int(history[speeds_row.COUNT]) - skip, int(history[speeds_row.HEAD]) - skip
     span = (n - 1) * SAMPLE
     if span < _LEAST:
         return False
     fade = math.exp(-SAMPLE / _MEMORY)
     w, sw, sv, svv = 1.0, 0.0, 0.0, 0.0
     for i in range(n):
-        v = history[H_RING + (head - i) % LENGTH]
+        v = history[speeds_row.RING + (head - i) % LENGTH]
         sw, sv, svv, w = sw + w, sv + w * v, svv + w * v * v, w * fade
     best = math.inf
     for period in _PERIODS:
@@ -113,7 +107,7 @@ def _fit(history, skip, fit):
         dc, ds = math.cos(omega * SAMPLE), -math.sin(omega * SAMPLE)
         sc, ss, scc, scs, sss, svc, svs = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(n):
-            v = history[H_RING + (head - i) % LENGTH]
+            v = history[speeds_row.RING + (head - i) % LENGTH]
             sc, ss, scc, scs, sss = sc + w * c, ss + w * s, scc + w * c * c, scs + w * c * s, sss + w * s * s
             svc, svs = svc + w * v * c, svs + w * v * s
             c, s, w = c * dc - s * ds, c * ds + s * dc, w * fade
@@ -121,45 +115,60 @@ def _fit(history, skip, fit):
         left = svv - m * sv - a * svc - b * svs
         if left < best:
             best = left
-            fit[0], fit[1], fit[2], fit[5] = omega, a, b, m
+            (
+                fit[oscillation_row.OMEGA],
+                fit[oscillation_row.COSINE],
+                fit[oscillation_row.SINE],
+                fit[oscillation_row.CONSTANT],
+            ) = omega, a, b, m
     return True
 
 
 @njit
-def fit_swing(history, tau, fit):
-    """Fit constant + sinusoid to the history; fills `fit` ((FIT_DIM,)).
+def fit_oscillation(history, tau, fit):
+    """Fit constant + sinusoid to the history; fills `fit` (policies.prediction.oscillation_row).
 
-    Its trust is earned on the past: the same fit made _BACK entries ago must have foretold what came since better than
-    an acceleration that decays in `tau` s. Trust 0 means: do not use it.
+    Its trust is measured on the past: the same fit made _BACK entries ago must predict the entries since better than an
+    acceleration that decays in `tau` s. Trust 0 means: do not use it.
     """
     fit[:] = 0.0
-    fit[4] = UNKNOWN
-    if int(history[H_COUNT]) < _BACK + _LINE:
+    fit[oscillation_row.SURPRISE] = UNKNOWN
+    if int(history[speeds_row.COUNT]) < _BACK + _LINE:
         return
     fitted = _fit(history, _BACK, fit)
-    head = int(history[H_HEAD])
+    head = int(history[speeds_row.HEAD])
     mean, slope, weight = 0.0, 0.0, 0.0
     for i in range(_LINE):
-        v, x = history[H_RING + (head - _BACK - i) % LENGTH], 0.5 * (_LINE - 1) - i
+        v, x = history[speeds_row.RING + (head - _BACK - i) % LENGTH], 0.5 * (_LINE - 1) - i
         mean, slope, weight = mean + v / _LINE, slope + v * x, weight + x * x
     slope /= weight * SAMPLE
     then = mean + slope * 0.5 * (_LINE - 1) * SAMPLE
     swung, held = 0.0, 0.0
     for i in range(_BACK):
-        t, v = (_BACK - i) * SAMPLE, history[H_RING + (head - i) % LENGTH]
-        swung += (v - fit[5] - fit[1] * math.cos(fit[0] * t) - fit[2] * math.sin(fit[0] * t)) ** 2
+        t, v = (_BACK - i) * SAMPLE, history[speeds_row.RING + (head - i) % LENGTH]
+        swung += (
+            v
+            - fit[oscillation_row.CONSTANT]
+            - fit[oscillation_row.COSINE] * math.cos(fit[oscillation_row.OMEGA] * t)
+            - fit[oscillation_row.SINE] * math.sin(fit[oscillation_row.OMEGA] * t)
+        ) ** 2
         held += (v - then - slope * tau * (1.0 - math.exp(-t / tau))) ** 2
     if not fitted:
-        fit[4] = math.sqrt(held / _BACK)
+        fit[oscillation_row.SURPRISE] = math.sqrt(held / _BACK)
         return
     trust = min(1.0, max(0.0, 1.2 * (1.0 - swung / (held + _BACK * _NOISE * _NOISE))))
     _fit(history, 0, fit)
-    fit[3] = trust
-    fit[4] = math.sqrt((trust * swung + (1.0 - trust) * held) / _BACK)
+    fit[oscillation_row.TRUST] = trust
+    fit[oscillation_row.SURPRISE] = math.sqrt((trust * swung + (1.0 - trust) * held) / _BACK)
 
 
 @njit
-def swing_gain(fit, t):
+def oscillation_gain(fit, t):
     """Change of speed (m/s) that the fit expects from now until `t` s ahead, not yet weighted by its trust."""
-    now, then = fit[0] * fit[F_SINCE], fit[0] * (fit[F_SINCE] + t)
-    return fit[1] * (math.cos(then) - math.cos(now)) + fit[2] * (math.sin(then) - math.sin(now))
+    now, then = (
+        fit[oscillation_row.OMEGA] * fit[oscillation_row.SINCE],
+        fit[oscillation_row.OMEGA] * (fit[oscillation_row.SINCE] + t),
+    )
+    return fit[oscillation_row.COSINE] * (math.cos(then) - math.cos(now)) + fit[oscillation_row.SINE] * (
+        math.sin(then) - math.sin(now)
+    )

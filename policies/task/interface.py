@@ -1,4 +1,4 @@
-"""What anything that flies is given and answers: views of vehicle and board in, one command out."""
+"""Interface of a policy: views of vehicle and board in, one command out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Vec3 = tuple[float, float, float]
 
 
 class VehicleView(Protocol):
-    """The vehicle's own estimate (hil.contract.messages.VehicleState has these)."""
+    """The vehicle's own estimate (fields of hil.contract.messages.VehicleState); world ENU, body FLU."""
 
     @property
     def stamp_ns(self) -> int: ...
@@ -23,7 +23,7 @@ class VehicleView(Protocol):
 
 
 class BoardView(Protocol):
-    """The belief about the board, predicted to now (hil.contract.messages.Belief has these)."""
+    """The belief about the board, predicted to now (fields of hil.contract.messages.Belief)."""
 
     @property
     def stamp_ns(self) -> int: ...
@@ -54,7 +54,7 @@ class BoardView(Protocol):
 
 
 class Command(NamedTuple):
-    """One tick's answer: body rate rad/s (FLU), collective thrust m/s^2; not `engaged`: the driver keeps its hover."""
+    """Output of one step: body rate rad/s (FLU), collective thrust m/s^2; the driver hovers unless `engaged`."""
 
     engaged: bool
     body_rate: Vec3
@@ -64,9 +64,9 @@ class Command(NamedTuple):
 
 
 class FlyingPolicy(Protocol):
-    """Anything that turns belief and odometry into commands, at ticks of 100 Hz.
+    """A policy: belief and odometry in, commands out, at control steps of 100 Hz.
 
-    It is stepped between ticks too, as soon as a picture has told something new, with the odometry of the last tick.
+    It is also stepped between control steps, when a detection has updated the belief, with the last step's odometry.
     """
 
     def reset(self, now_ns: int) -> None: ...

@@ -1,4 +1,4 @@
-"""The expert as teacher: labels for every row of an environment, whoever is flying."""
+"""The expert as teacher: labels for every row of an environment, whatever flies it."""
 
 from __future__ import annotations
 
@@ -9,64 +9,52 @@ from policies.environment.config import TICK
 from policies.environment.env import Env, fill_future
 from policies.environment.observe import true_gain
 from policies.environment.rows import S_STEP
-from policies.estimation.board_ekf import belief_covariance
-from policies.estimation.ctrv import ACCEL_TAU, N
-from policies.estimation.thrust_drag import G_GAIN
-from policies.planner.params import PlannerParams
-from policies.prediction.future import CTRV_ACCELERATION, HORIZON, STEP, predict_future
+from policies.planner.policy import planner_params
+from policies.prediction.future import HORIZON, STEP
 from policies.task.observation import action_from_command
+from policies.teachers import expert_row
 from policies.teachers.expert import expert_due, expert_step
-from policies.teachers.params import EXPERT_DIM, X_CONTACT, X_READY, ExpertParams
+from policies.teachers.params import ExpertParams
 
 _TICKS = round(STEP / TICK)
-_WORK = 12 + N * N
 
 
 @njit
-def teach_row(rows, i, shared, plan, future, expert, planner, work, sighted, out):
+def teach_row(rows, i, shared, plan, future, expert, planner, command, out):
     """The expert's action for row i now, into `out` (4,) in [-1, 1]. Returns the seconds to its contact.
 
-    `sighted` False: it plans on the belief and on the estimated thrust gain, as something that flies would have to.
-    `work` (_WORK,) is scratch.
+    `plan` (expert_row.DIM,); `future` (HORIZON, 8) and `command` (4,) are scratch.
     """
     now = rows.state[i, S_STEP] * TICK
     if rows.done[i] == 1:
         plan[:] = 0.0
-    command, board = work[0:4], work[4:12]
-    due = expert_due(plan, now)
-    if sighted:
-        board[:] = rows.track[i, int(rows.state[i, S_STEP])]
-        gain = true_gain(rows, i, shared)
-        if due:
-            fill_future(rows, i, _TICKS, future)
-    else:
-        belief_covariance(rows.belief[i], now, shared.belief, board, work[12:_WORK])
-        gain = rows.gain[i, G_GAIN]
-        if due:
-            predict_future(board, CTRV_ACCELERATION, shared.belief[ACCEL_TAU], STEP, future)
+    board, gain = rows.track[i, int(rows.state[i, S_STEP])], true_gain(rows, i, shared)
+    if expert_due(plan, now):
+        fill_future(rows, i, _TICKS, future)
     expert_step(rows, i, plan, board, future, STEP, gain, expert, planner, command)
     action_from_command(command, out)
-    return plan[X_CONTACT] - now if plan[X_READY] > 0.0 else np.inf
+    return plan[expert_row.CONTACT] - now if plan[expert_row.READY] > 0.0 else np.inf
 
 
 @njit(parallel=True)
-def teach_rows(rows, shared, plans, futures, expert, planner, works, sighted, remaining, out):
+def teach_rows(rows, shared, plans, futures, expert, planner, commands, remaining, out):
     """`teach_row` for every row."""
     for i in prange(rows.done.shape[0]):
-        remaining[i] = teach_row(rows, i, shared, plans[i], futures[i], expert, planner, works[i], sighted, out[i])
+        remaining[i] = teach_row(rows, i, shared, plans[i], futures[i], expert, planner, commands[i], out[i])
 
 
 class Teacher:
-    """Labels for every row of an environment; call `act` once a step, and `reset` after `Env.reset`.
+    """The expert's labels for every row; it plans on privileged information, the board's future and the true gain.
 
-    `sighted` False makes it a policy: the same expert on belief and prediction instead of on the truth.
+    Call `act` once a step, and `reset` after `Env.reset`.
     """
 
-    def __init__(self, env: Env, params: ExpertParams | None = None, sighted: bool = True) -> None:
+    def __init__(self, env: Env, params: ExpertParams | None = None) -> None:
         n = env.config.count
-        self._env, self._expert, self._planner = env, (params or ExpertParams()).row(), PlannerParams().row()
-        self._plans, self._futures = np.zeros((n, EXPERT_DIM)), np.zeros((n, HORIZON, 8))
-        self._work, self._sighted = np.zeros((n, _WORK)), sighted
+        self._env, self._expert = env, (params or ExpertParams()).row()
+        self._planner = planner_params(env.airframe).row()
+        self._plans, self._futures = np.zeros((n, expert_row.DIM)), np.zeros((n, HORIZON, 8))
+        self._commands = np.zeros((n, 4))
         self.actions, self.remaining = np.zeros((n, 4)), np.full(n, np.inf)
 
     def reset(self) -> None:
@@ -84,6 +72,6 @@ class Teacher:
     def act(self) -> np.ndarray:
         """The actions ((N, 4) in [-1, 1], overwritten by the next call); `remaining` gets the s to each contact."""
         rows, shared = self._env.rows, self._env.shared
-        parts = (self._plans, self._futures, self._expert, self._planner, self._work, self._sighted)
+        parts = (self._plans, self._futures, self._expert, self._planner, self._commands)
         teach_rows(rows, shared, *parts, self.remaining, self.actions)
         return self.actions

@@ -1,4 +1,4 @@
-"""Time stamps of cameras, and what can be wrong with one: told in a line, counted, never raised in flight."""
+"""Time stamps of cameras, and their faults: reported in one line, counted, not raised in flight."""
 
 import time
 
@@ -13,7 +13,7 @@ from hil.wires import WireError
 from hil.wires import camera_gstreamer as gst
 from hil.wires.camera import Mode, NewestPicture, undistortion, wait_for_picture
 from hil.wires.camera_mcap import RecordedCamera
-from hil.wires.camera_opencv import ask, open_v4l2
+from hil.wires.camera_opencv import open_v4l2, set_mode
 from tests.contract.camera_makers import MODE, MS, install_fake_gst, mcap_raw, number, picture, record, take
 
 
@@ -26,7 +26,7 @@ def fake_gst(tmp_path, monkeypatch):
 
 
 class Scripted:
-    """A capture that gives what it is told to, and then waits, or ends."""
+    """A capture that gives the scripted reads, and then waits, or ends."""
 
     def __init__(self, *reads, then=None):
         self.reads, self.then, self.trouble, self.closed = list(reads), then, "", False
@@ -50,7 +50,7 @@ def opened(capture, mode=MODE, **options):
     return NewestPicture(capture, mode, "scripted", arrival_delay_ns=17 * MS, **options)
 
 
-def test_the_driver_s_stamp_tells_the_exposure_and_arrival_does_where_there_is_none():
+def test_exposure_time_is_the_drivers_stamp_or_the_arrival_less_the_delay():
     now = time.monotonic_ns()
     for stamp, least, most in (
         (now - 40 * MS, 37, 2_000),  # stamped 40 ms ago; the middle of the exposure is 3 ms later
@@ -86,7 +86,7 @@ def test_a_recorded_picture_keeps_its_age_and_its_place_in_time(tmp_path):
     assert camera.dropped == 3
 
 
-def test_a_lens_s_distortion_is_taken_out_and_straight_lines_are_straight_again():
+def test_lens_distortion_is_removed():
     mode = Mode(640, 480, 30.0)
     matrix = np.array([[400.0, 0.0, 319.5], [0.0, 400.0, 239.5], [0.0, 0.0, 1.0]])
     lens = (-0.25, 0.06, 0.001, -0.001, 0.0)
@@ -116,7 +116,7 @@ def test_a_picture_of_another_size_ends_the_camera():
     assert camera._capture.closed
 
 
-def test_a_silent_camera_is_a_lost_one():
+def test_camera_without_pictures_for_a_second_is_lost():
     clock = [0]
     camera = opened(Scripted((picture(0), None), then=(picture(0), None)), clock=lambda: clock[0])
     take(camera)
@@ -129,7 +129,7 @@ def test_a_silent_camera_is_a_lost_one():
     camera.close()
 
 
-def test_what_a_driver_throws_does_not_get_out():
+def test_exception_of_a_camera_driver_loses_the_camera_without_raising():
     class Bad(Scripted):
         def read(self):
             raise cv2.error("VIDIOC_DQBUF: No such device")
@@ -172,12 +172,12 @@ class FakeDevice:
     ],
 )
 def test_another_mode_than_asked_for_is_an_error_that_names_both(granted, told):
-    ask(FakeDevice(), "/dev/video0", MODE, "MJPG")
+    set_mode(FakeDevice(), "/dev/video0", MODE, "MJPG")
     with pytest.raises(WireError, match=told):
-        ask(FakeDevice(**granted), "/dev/video0", MODE, "MJPG")
+        set_mode(FakeDevice(**granted), "/dev/video0", MODE, "MJPG")
 
 
-def test_a_camera_that_is_not_there_says_what_is(tmp_path):
+def test_missing_camera_error_lists_the_present_ones(tmp_path):
     def opening(device):
         open_v4l2(
             str(device), MODE, pixel_format="MJPG", exposure_ms=2.0, arrival_delay_ms=16.0, stamped=True,
@@ -206,7 +206,7 @@ def test_a_pipeline_that_does_not_start_is_quoted(fake_gst):
         gst.open_gstreamer("v4l2src ! appsink drop=1", MODE, arrival_delay_ms=1.0)
 
 
-def test_the_last_word_of_a_pipeline_is_passed_on(fake_gst):
+def test_last_error_of_a_pipeline_is_reported(fake_gst):
     camera = gst.open_gstreamer("fakesrc", MODE, arrival_delay_ms=1.0)
     until = time.monotonic() + 5.0
     while not camera.lost and time.monotonic() < until:
@@ -215,7 +215,7 @@ def test_the_last_word_of_a_pipeline_is_passed_on(fake_gst):
     camera.close()
 
 
-def test_recordings_that_cannot_be_played_say_why(tmp_path):
+def test_recording_without_usable_pictures_raises_with_the_reason(tmp_path):
     with pytest.raises(WireError, match="cannot be read"):
         RecordedCamera(tmp_path / "none.mcap", MODE)
     (tmp_path / "empty").mkdir()

@@ -55,7 +55,7 @@ def test_a_picture_is_given_once(camera):
 
 
 @pytest.mark.parametrize("kind", KNOWN_PICTURES, ids=lambda kind: kind.__name__)
-def test_only_the_newest_counts_and_the_others_are_counted(kind, tmp_path, fake_gst):
+def test_only_the_newest_picture_is_given_and_others_are_counted(kind, tmp_path, fake_gst):
     camera = kind(tmp_path)
     take(camera)
     until = time.monotonic() + 5.0
@@ -72,7 +72,7 @@ def test_only_the_newest_counts_and_the_others_are_counted(kind, tmp_path, fake_
 
 
 @pytest.mark.parametrize("kind", KNOWN_PICTURES, ids=lambda kind: kind.__name__)
-def test_a_camera_that_has_gone_says_so_and_gives_nothing_more(kind, tmp_path, fake_gst):
+def test_lost_camera_reports_it_and_gives_no_pictures(kind, tmp_path, fake_gst):
     camera = kind(tmp_path)
     until = time.monotonic() + 10.0
     while not camera.lost and time.monotonic() < until:

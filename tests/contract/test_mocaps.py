@@ -1,4 +1,4 @@
-"""Motion capture over VRPN: the library's client against a server that speaks the protocol, and the node on top."""
+"""Motion capture over VRPN: the library's client with a server of that protocol, and the node."""
 
 import math
 import sys
@@ -35,7 +35,7 @@ def bodies(t, **more):
 
 
 class Feeder:
-    """Streams at 100 Hz of the wall clock for as long as somebody asks `until`."""
+    """Streams at 100 Hz of the wall clock while `until` runs."""
 
     def __init__(self, server):
         self.server, self.start = server, time.monotonic()
@@ -52,7 +52,7 @@ def client(server, names=("quad", "board")):
     return VrpnMocap(f"127.0.0.1:{server.port}", names, 4 * MS)
 
 
-def test_poses_come_with_their_age_in_the_house_s_order(server):
+def test_poses_come_with_age_and_wxyz_order(server):
     wire, got = client(server), []
     Feeder(server).until(lambda: got.extend(wire.take(0)) or len(got) > 20)
     assert {pose.body for pose in got} == {"quad", "board"}
@@ -85,14 +85,14 @@ def test_the_node_publishes_states_with_the_motion_it_measured(server):
     assert sorted(b.speed for b in board)[len(board) // 2] == pytest.approx(2.0, abs=0.6)
     assert board[-1].heading == pytest.approx(0.0, abs=1e-6)
     assert [v.stamp_ns for v in vehicle] == sorted(v.stamp_ns for v in vehicle)
-    assert node.rejected == 0
+    assert node.counters["poses of motion capture rejected"] == 0
 
 
-def test_a_server_that_does_not_answer_or_lacks_a_body_is_told_before_anything_arms(server):
+def test_silent_server_or_missing_body_is_an_error_before_arming(server):
     with pytest.raises(WireError, match=r"motion capture at 127\.0\.0\.1:\d+ sends nothing for 0\.3 s"):
         client(server).wait_for_bodies(0.3)
     wire = client(server, ("quad", "boat"))
-    Feeder(server).until(lambda: wire.seen >= {"quad", "board"})
+    Feeder(server).until(lambda: wire.received >= {"quad", "board"})
     with pytest.raises(WireError, match=r'does not know the body "boat"; it streams "board", "quad"'):
         wire.wait_for_bodies(0.3)
 
@@ -110,9 +110,9 @@ def test_a_server_that_goes_away_is_a_lost_wire(server):
 
 
 @pytest.mark.parametrize("address", ["no such host.invalid", "127.0.0.1:vrpn", "127.0.0.1:123456"])
-def test_an_address_that_cannot_be_is_told_at_once(address):
+def test_invalid_address_raises_at_once(address):
     pytest.importorskip("motioncapture", reason="kind vrpn: the package motioncapture is not installed")
-    with pytest.raises(WireError, match="no HOST or HOST:PORT"):
+    with pytest.raises(WireError, match="not a HOST or HOST:PORT"):
         VrpnMocap(address, ("a",), 0)
 
 
@@ -123,7 +123,7 @@ def test_a_missing_package_is_named(monkeypatch):
 
 
 class FakeWire:
-    """Gives what it is told to."""
+    """Gives the scripted poses."""
 
     def __init__(self):
         self.lost, self.poses, self.closed = "", [], False
@@ -147,7 +147,7 @@ def step(node, now_ns):
     return node.step(now_ns, inbox)
 
 
-def test_a_hidden_body_is_told_once_and_so_is_its_return():
+def test_hidden_body_and_its_return_are_reported_once():
     wire, node = fake()
     events = []
     for k in range(100):
@@ -159,21 +159,21 @@ def test_a_hidden_body_is_told_once_and_so_is_its_return():
         ("warning", '"quad" is hidden from motion capture'),
         ("info", '"quad" is seen again'),
     ]
-    assert node.hidings == 1
+    assert node.counters["times a body was hidden from motion capture"] == 1
 
 
 def test_garbage_is_counted_and_not_passed_on():
     wire, node = fake()
     wire.poses = [BodyPose("quad", 2 * MS, (math.nan, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))]
     assert step(node, 10 * MS) == []
-    assert node.rejected == 1
+    assert node.counters["poses of motion capture rejected"] == 1
 
 
-def test_a_lost_system_is_told_and_then_ends_the_service():
+def test_lost_motion_capture_is_reported_and_ends_the_service():
     wire, node = fake()
     wire.lost = "motion capture at here is silent"
     (out,) = step(node, 10 * MS)
     assert (out.topic, out.message.severity, out.message.text) == ("event", "error", wire.lost)
-    assert node.losses == 1
+    assert node.counters["motion capture systems lost"] == 1
     with pytest.raises(WireError, match="is silent"):
         step(node, 12 * MS)

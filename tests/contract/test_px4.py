@@ -27,9 +27,9 @@ def memory(stack):
 
 
 def udp(stack):
-    """As a SITL does it: PX4 speaks first to our fixed port, and answers whom it heard first."""
+    """As with a SITL: PX4 sends first to our fixed port, and answers the first sender."""
     ours = UdpWire((LOCAL, 0), partner="first")
-    px4 = UdpWire((LOCAL, 0), ours.address, partner="first", strangers=True)
+    px4 = UdpWire((LOCAL, 0), ours.address, partner="first", accept_others=True)
     stack.callback(ours.close)
     stack.callback(px4.close)
     return ours, px4

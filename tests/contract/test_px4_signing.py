@@ -65,31 +65,31 @@ def test_a_whole_flight_is_signed_and_accepted_both_ways():
     assert (flight.judge.refused, flight.link.counters["unsigned_frames"]) == (0, 0)
 
 
-def test_an_unsigned_link_is_not_heard_by_an_autopilot_that_demands_signatures():
+def test_autopilot_that_requires_signatures_ignores_an_unsigned_link():
     flight = Flight(ours=None).run(12.0)
     assert flight.judge.accepted == []
     assert flight.judge.refused > 5
     assert flight.link.phase == "failed"
     assert flight.said("the autopilot answers no request for a parameter")
-    assert flight.said("the autopilot signs what it sends, and this link has no key")
+    assert flight.said("the autopilot signs its messages and this link has no key")
     assert not flight.sim.truth().armed
 
 
-def test_another_key_is_not_heard_either_way():
-    flight = Flight(ours=bytes(32)).run(12.0)
+def test_frames_with_another_key_are_ignored_both_ways():
+    flight = Flight(ours=bytes(range(1, 33))).run(12.0)
     assert flight.judge.accepted == []
     assert flight.link.phase == "connect"
     assert flight.link.counters["unsigned_frames"] > 100
-    assert flight.said("frames without our signature were refused")
+    assert flight.said("frames without a valid signature were refused")
 
 
-def test_an_autopilot_that_does_not_sign_is_not_believed():
+def test_unsigned_autopilot_is_ignored():
     flight = Flight(demands=False).run(12.0)
     assert flight.link.phase == "connect"
     assert flight.link.counters["unsigned_frames"] > 100
 
 
-def test_an_overheard_command_cannot_be_played_again():
+def test_replayed_signed_command_is_ignored():
     flight = Flight()
     overheard = []
     send = flight.link._wire.send
@@ -138,9 +138,10 @@ def case():
     return scenario, draw(scenario, 0)
 
 
-def test_the_rig_names_a_file_whose_key_signs_and_stays_out_of_what_is_kept(tmp_path, case):
+def test_key_file_of_the_rig_signs_and_is_not_recorded(tmp_path, case):
     path = tmp_path / "vehicle.key"
     path.write_bytes(KEY)
+    path.chmod(0o600)
     node, wires = link(path, *case)
     node.step(0, Inbox(node.inputs))
     assert wires.sent
@@ -155,10 +156,27 @@ def test_the_rig_names_a_file_whose_key_signs_and_stays_out_of_what_is_kept(tmp_
         assert form not in kept
 
 
-@pytest.mark.parametrize(("content", "told"), [(None, "the signing key cannot be read"), (b"short", "has 32 bytes")])
-def test_a_key_that_is_none_is_told_before_anything_is_sent(tmp_path, case, content, told):
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (None, "the signing key cannot be read"),
+        (b"short", "has 32 bytes"),
+        (bytes(32), "zeros only is not secret"),
+    ],
+)
+def test_invalid_key_raises_before_anything_is_sent(tmp_path, case, content, told):
     path = tmp_path / "vehicle.key"
     if content is not None:
         path.write_bytes(content)
+        path.chmod(0o600)
     with pytest.raises(ValueError, match=told):
+        link(path, *case)
+
+
+@pytest.mark.parametrize("mode", [0o666, 0o644, 0o640, 0o602])
+def test_key_file_open_to_other_users_is_refused(tmp_path, case, mode):
+    path = tmp_path / "vehicle.key"
+    path.write_bytes(KEY)
+    path.chmod(mode)
+    with pytest.raises(ValueError, match=f"mode {mode:04o}.*chmod 600"):
         link(path, *case)

@@ -13,7 +13,7 @@ from vehicle.px4.codec import Parser
 from vehicle.px4.sim.params import Parameters
 
 API = FACTS["api"]
-# What PX4 says on its own account and this one does not (or not as often): health reports as EVENTs, log names.
+# Texts that PX4 sends by itself and the software PX4 does not (or less often): health reports as EVENTs, log names.
 NOT_COUNTED = {"EVENT", "STATUSTEXT", "COMMAND_ACK", "COMMAND_LONG", "PARAM_VALUE", "ATTITUDE_TARGET"}
 
 
@@ -41,7 +41,7 @@ def test_commands_are_answered_in_the_same_sequence(flown):
 
 
 @pytest.mark.parametrize("link", ["api", "gcs"])
-def test_the_same_texts_in_the_same_chunks(flown, link):
+def test_texts_and_their_chunks_are_as_recorded(flown, link):
     texts = [(m.severity, without_numbers(m.text), m.chunk_seq) for _, m in getattr(flown, link).of("STATUSTEXT")]
     assert texts == [(severity, without_numbers(text), chunk) for _, severity, text, chunk in API["texts"]]
 
@@ -51,14 +51,14 @@ def test_an_answer_comes_before_its_text(flown):
     assert names[:2] == ["COMMAND_ACK", "STATUSTEXT"]
 
 
-def test_heartbeats_tell_the_same_story(flown):
+def test_heartbeats_have_the_recorded_sequence(flown):
     modes = flown.api.changes("HEARTBEAT", "base_mode", "custom_mode", "system_status")
     assert [row[1:] for row in modes] == [row[1:] for row in API["modes"]]
     for flown_row, recorded in zip(modes, API["modes"], strict=True):
         assert flown_row[0] == pytest.approx(recorded[0], abs=1100)  # ready 4.1-5.1 s; the rest within a heartbeat
 
 
-def test_landed_state_tells_the_same_story(flown):
+def test_landed_state_has_the_recorded_sequence(flown):
     states = flown.api.changes("EXTENDED_SYS_STATE", "landed_state")
     assert [row[1] for row in states] == [row[1] for row in API["landed"]]
     for flown_row, recorded in zip(states, API["landed"], strict=True):
@@ -93,7 +93,7 @@ def test_failsafe_comes_after_the_recorded_delay(flown):
         ("Landing detected", "Disarmed by landing", 40),
     ],
 )
-def test_what_follows_takes_as_long_as_recorded(flown, start, end, tolerance_ms):
+def test_phases_last_as_long_as_recorded(flown, start, end, tolerance_ms):
     recorded = recorded_ms(end) - recorded_ms(start)
     assert flown_ms(flown, end) - flown_ms(flown, start) == pytest.approx(recorded, abs=tolerance_ms)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from groundcar.motion import board_motion as m
+from groundcar.motion import board_row
 from groundcar.motion import paths as t
 from groundcar.motion import speed_laws as s
 from groundcar.motion.splines import random_spline
@@ -95,7 +96,7 @@ def test_power_on_to_driving_and_back(bench):
     assert bench.car.speed == pytest.approx(0.0, abs=0.01)
 
 
-def test_the_car_s_watchdog_acts_when_the_one_who_decides_hangs(bench):
+def test_cars_watchdog_stops_it_when_commands_stop(bench):
     bench.fit().run(3.0, straight)
     last = bench.now
     bench.run(0.3, lambda now: Command(last, 1.0, 0.0))  # the same command, over and over
@@ -123,7 +124,7 @@ def test_estop_fault_and_remote_control_are_survived(bench):
     assert bench.car.speed == pytest.approx(1.0, abs=0.15)
 
 
-def test_a_dead_bus_is_noticed(bench):
+def test_dead_bus_is_reported(bench):
     bench.fit().run(1.0, straight)
     bench.car.mute("MotionState")
     assert "silent" in bench.run(0.5, straight).fault
@@ -170,7 +171,7 @@ def test_hard_i_is_driven_as_the_published_car_drove_it():
     assert away.max() < 0.35
 
 
-def test_training_s_imitation_moves_more_like_the_car_than_the_plain_law_does():
+def test_training_motion_is_closer_to_the_car_than_the_plain_law():
     bench, params = Bench("memory"), load_scout()
     hard_i(3, bench)
     law = 1.0 + 0.75 * (1 + np.cos(2 * math.pi * (4.0 + 0.004 * np.arange(3000)) / 3))
@@ -187,7 +188,7 @@ def test_training_s_imitation_moves_more_like_the_car_than_the_plain_law_does():
     m.motion_reset(row, aux, 0.0, 1.5, 0.0, False)
     for _ in range(4000):
         m.motion_step(row, aux, 0.004, rng)
-        speeds.append(row[m.SPEED])
+        speeds.append(row[board_row.SPEED])
     car = np.array(bench.speeds)
     plain = np.sqrt(np.mean((car - law) ** 2))
     imitated = np.sqrt(np.mean((car - np.array(speeds[1000:])) ** 2))

@@ -25,7 +25,7 @@ def test_bytes_arrive_whole_and_in_order_both_ways(byte_ends, items):
 
 
 @pytest.mark.parametrize("kind", ["memory", "udp"])
-def test_datagrams_keep_their_borders(kind):
+def test_datagrams_arrive_one_by_one(kind):
     for ends in opened(BYTE_KINDS[kind]):
         for item in (b"one", b"", b"three" * 40):
             ends[0].send(item)

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from groundcar.scout.codec import encode
+from groundcar.scout.driver import Command, ScoutLink
 from hil.contract.wire import CanFrame
 from hil.wires import WireError
 from hil.wires.can import PythonCanWire, open_can
@@ -33,7 +35,7 @@ def test_frames_arrive_in_order_both_ways_and_never_come_back(can_ends, sent):
         assert sender.receive() == []
 
 
-def test_equal_frames_of_both_ends_are_told_apart(can_ends):
+def test_equal_frames_of_both_ends_arrive_once_each(can_ends):
     a, b = can_ends
     same = CanFrame(0x111, bytes(8))
     a.send(same)
@@ -44,7 +46,7 @@ def test_equal_frames_of_both_ends_are_told_apart(can_ends):
     assert nothing_comes(b)
 
 
-def test_what_is_no_standard_data_frame_is_counted_not_delivered():
+def test_non_standard_can_frames_are_counted_and_not_delivered():
     channel = uuid.uuid4().hex
     with can.Bus(interface="virtual", channel=channel) as raw:
         wire = open_can("virtual", channel)
@@ -57,7 +59,7 @@ def test_what_is_no_standard_data_frame_is_counted_not_delivered():
 
 
 @pytest.mark.parametrize("frame", [CanFrame(0x800, b""), CanFrame(-1, b""), CanFrame(1, bytes(9))])
-def test_impossible_frames_are_refused(frame):
+def test_invalid_can_frames_raise(frame):
     for a, _ in opened(can_virtual):
         with pytest.raises(ValueError, match="11-bit"):
             a.send(frame)
@@ -76,16 +78,114 @@ class _DeadBus(can.BusABC):
         raise can.CanOperationError("network is down")
 
 
-def test_a_dead_bus_is_counted_and_does_not_raise():
+def test_dead_can_bus_is_counted_and_does_not_raise():
     wire = PythonCanWire(_DeadBus())
-    wire.send(CanFrame(0x111, b""))
+    assert wire.send(CanFrame(0x111, b"")) is False
+    assert wire.lost == ""
     assert wire.receive() == []
-    assert (wire.send_errors, wire.rejected) == (1, 1)
+    assert (wire.send_errors, wire.receive_errors) == (1, 1)
+    assert wire.lost == "CAN bus: the adapter is gone or down (network is down)"
     wire.close()
 
 
-def test_unusable_can_buses_say_how_to_mend_it():
+def test_unusable_can_bus_error_says_the_remedy():
     with pytest.raises(WireError, match=r"python-can knows .*socketcan"):
         open_can("soketcan", "can0")
     with pytest.raises(WireError, match="ip link set can77 up"):
         open_can("socketcan", "can77")
+
+
+class _ScriptedBus(can.BusABC):
+    """Takes frames while `refusal` is None; gives the messages in `coming`."""
+
+    def __init__(self):
+        super().__init__("scripted")
+        self.coming, self.refusal = [], None
+
+    def send(self, msg, timeout=None):
+        if self.refusal is not None:
+            raise self.refusal
+
+    def shutdown(self):
+        self._is_shutdown = True
+
+    def _recv_internal(self, timeout):
+        return (self.coming.pop(0) if self.coming else None), False
+
+
+def error_frame(identifier, data=bytes(8)):
+    return can.Message(arbitration_id=identifier, is_error_frame=True, is_extended_id=False, data=data)
+
+
+def test_refused_frame_is_not_sent_and_refusals_in_a_row_are_trouble():
+    bus = _ScriptedBus()
+    wire = PythonCanWire(bus)
+    assert wire.send(CanFrame(0x111, b"")) is True
+    bus.refusal = can.CanOperationError("Transmit buffer full")
+    assert [wire.send(CanFrame(0x111, b"")) for _ in range(9)] == [False] * 9
+    assert wire.lost == ""
+    assert wire.send(CanFrame(0x111, b"")) is False
+    assert wire.lost == "CAN bus: takes no frames (Transmit buffer full)"
+    bus.refusal = None
+    assert wire.send(CanFrame(0x111, b"")) is True
+    assert wire.lost == ""
+
+
+def test_unplugged_adapter_is_trouble_at_once():
+    bus = _ScriptedBus()
+    wire = PythonCanWire(bus, name="CAN socketcan can0")
+    bus.refusal = can.CanOperationError("Failed to transmit: No such device", 19)
+    wire.send(CanFrame(0x111, b""))
+    assert wire.lost.startswith("CAN socketcan can0: the adapter is gone or down")
+
+
+def test_bus_off_is_trouble_until_the_bus_restarts():
+    bus = _ScriptedBus()
+    wire = PythonCanWire(bus)
+    bus.coming = [error_frame(0x40)]
+    assert wire.receive() == []
+    assert "bus off" in wire.lost
+    bus.coming = [error_frame(0x100)]
+    wire.receive()
+    assert wire.lost == ""
+    assert wire.errors.counts == {"bus off": 1, "restarted": 1}
+
+
+def test_error_passive_is_trouble_until_the_controller_is_active():
+    bus = _ScriptedBus()
+    wire = PythonCanWire(bus)
+    bus.coming = [error_frame(0x04, bytes((0, 0x20, 0, 0, 0, 0, 0, 0)))]
+    wire.receive()
+    assert "error passive" in wire.lost
+    bus.coming = [error_frame(0x04, bytes((0, 0x40, 0, 0, 0, 0, 0, 0)))]
+    wire.receive()
+    assert wire.lost == ""
+
+
+def test_only_error_frames_are_trouble_and_single_ones_are_not():
+    bus = _ScriptedBus()
+    wire = PythonCanWire(bus)
+    bus.coming = [error_frame(0x20) for _ in range(19)]
+    wire.receive()
+    assert wire.lost == ""
+    bus.coming = [error_frame(0x20)]
+    wire.receive()
+    assert "no acknowledgement" in wire.lost
+    bus.coming = [can.Message(arbitration_id=0x221, is_extended_id=False, data=b"x")]
+    assert wire.receive() == [CanFrame(0x221, b"x")]
+    assert wire.lost == ""
+
+
+def test_car_driver_counts_only_frames_that_the_bus_took():
+    """100 of 100 refused frames are no sent commands; the wire reports the trouble."""
+    bus = _ScriptedBus()
+    wire = PythonCanWire(bus)
+    link = ScoutLink(wire)
+    feedback = [encode("SystemState", {"mode": 1, "battery": 26.0}), encode("MotionState", {})]
+    for step in range(200):
+        bus.coming = [can.Message(arbitration_id=i, is_extended_id=False, data=d) for i, d in feedback]
+        bus.refusal = None if step < 100 else can.CanOperationError("Transmit buffer full")
+        now = step * 20_000_000
+        sent = link.step(now, Command(now, 0.3, 0.0)).sent_commands
+        assert sent == min(step + 1, 100)
+    assert "takes no frames" in wire.lost

@@ -22,7 +22,7 @@ def test_a_serial_port_is_raw():
         assert mode[3] & (termios.ECHO | termios.ICANON) == 0
 
 
-def test_a_stuck_serial_port_drops_whole_items():
+def test_blocked_serial_port_drops_whole_items():
     for near, far in opened(serial_pair):
         item = bytes(range(200))
         while not near.dropped:
@@ -37,7 +37,7 @@ def test_a_stuck_serial_port_drops_whole_items():
         assert got == item * (len(got) // len(item))
 
 
-def test_a_pulled_plug_is_told_not_raised():
+def test_unplugged_serial_port_is_reported_not_raised():
     near, far = serial_pair()
     far.close()
     near.send(b"x")
@@ -48,7 +48,7 @@ def test_a_pulled_plug_is_told_not_raised():
     near.close()
 
 
-def test_serial_troubles_say_how_to_mend_them(tmp_path):
+def test_serial_errors_say_the_remedy(tmp_path):
     with pytest.raises(WireError, match="there is no serial port /dev/ttyACM77; plugged in now"):
         SerialWire("/dev/ttyACM77")
     file = tmp_path / "file"

@@ -17,10 +17,10 @@ def at(port_wire):
 def test_the_first_partner_is_kept_as_px4_keeps_it():
     with contextlib.ExitStack() as stack:
         default, first, second = (UdpWire((LOCAL, 0)) for _ in range(3))
-        px4 = UdpWire((LOCAL, 0), at(default), partner="first", strangers=True)
+        px4 = UdpWire((LOCAL, 0), at(default), partner="first", accept_others=True)
         for wire in (default, first, second, px4):
             stack.callback(wire.close)
-        px4.send(b"telemetry")  # PX4 speaks first, without having heard anything
+        px4.send(b"telemetry")  # PX4 sends first, without having received anything
         assert collect(default, bool) == [b"telemetry"]
         first._peer = second._peer = at(px4)
         first.send(b"1")
@@ -33,7 +33,7 @@ def test_the_first_partner_is_kept_as_px4_keeps_it():
         assert px4.peer == at(first)
 
 
-def test_a_client_drops_strangers_and_counts_them():
+def test_client_drops_and_counts_other_senders():
     with contextlib.ExitStack() as stack:
         client = UdpWire((LOCAL, 0), partner="first")
         px4 = UdpWire((LOCAL, 0), at(client), partner="fixed")
@@ -46,12 +46,12 @@ def test_a_client_drops_strangers_and_counts_them():
         assert collect(client, bool) == [b"hello"]
         stranger.send(b"arm!")
         assert nothing_comes(client)
-        assert client.strangers_dropped == 1
+        assert client.others_dropped == 1
         client.send(b"hi")
         assert collect(px4, bool) == [b"hi"]
 
 
-def test_the_last_partner_is_followed():
+def test_rule_last_sends_to_the_last_sender():
     with contextlib.ExitStack() as stack:
         hub = UdpWire((LOCAL, 0), partner="last")
         one, two = (UdpWire((LOCAL, 0), at(hub), partner="fixed") for _ in range(2))
@@ -91,6 +91,6 @@ def test_a_partner_that_is_not_there_does_not_raise():
         ((("192.0.2.1", 0),), {}, "no interface of this machine"),
     ],
 )
-def test_impossible_udp_wires_say_why(arguments, options, text):
+def test_invalid_udp_wires_raise_with_the_reason(arguments, options, text):
     with pytest.raises(WireError, match=text):
         UdpWire(*arguments, **options)

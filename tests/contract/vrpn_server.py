@@ -1,4 +1,4 @@
-"""A VRPN server as a motion capture system runs one: it tells clients of tracked bodies and streams their poses.
+"""A VRPN server like that of a motion capture system: it names the tracked bodies and streams their poses.
 
 Written from the protocol: a client asks by UDP to be called back over TCP, both send a cookie, then messages follow,
 big-endian, padded to eight bytes.

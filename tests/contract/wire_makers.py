@@ -25,8 +25,8 @@ MULTICAST = ("239.74.163.77", 43177)
 def udp_pair():
     a = UdpWire((LOCAL, 0))
     b = UdpWire((LOCAL, 0), a.address, partner="fixed")
-    b.send(b"who is here")  # the first one heard becomes the partner
-    assert collect(a, bool) == [b"who is here"]
+    b.send(b"first")  # the first sender becomes the partner
+    assert collect(a, bool) == [b"first"]
     return a, b
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from groundcar.motion.pose import board_position, board_quaternion
 from groundcar.scout.sim import ScoutSim
 from hil.assembly.board_motion import hover_start, start_board
-from hil.assembly.builder import EXTERNAL_POSE_PARAMETERS
+from hil.assembly.vehicle import EXTERNAL_POSE_PARAMETERS
 from hil.wires.can import open_can
 from hil.wires.udp import UdpWire
 from scenarios.draw import draw
@@ -40,7 +40,7 @@ def main(port, group, name):
     drawn = draw(scenario, 0)
     x, y, _, yaw = hover_start(scenario, drawn, 1.0)
     board_row = start_board(scenario, drawn)
-    api = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
+    api = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", accept_others=True)
     frame = load_airframe("paper_quad")
     autopilot = Px4Sim({"api": api}, frame, 1, (x, y, 0.0), yaw, parameters=EXTERNAL_POSE_PARAMETERS)
     bus = open_can("udp_multicast", group)

@@ -1,4 +1,4 @@
-"""The software PX4 as a SITL is: a process of its own that boots, speaks first to a UDP port, and lags wall time.
+"""The software PX4 like a SITL: a separate process that boots, sends first to a UDP port, and lags wall time.
 
 `python px4_process.py PORT [SPEED]`: instance 0 of a PX4 on a free port, speaking to 127.0.0.1:PORT; SPEED is PX4 time
 over wall time. Runs until told to stop; the last line that it prints says how its flight went.
@@ -26,7 +26,7 @@ def main(port: int, speed: float) -> None:
     ended, parent = threading.Event(), os.getppid()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
-    wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", strangers=True)
+    wire = UdpWire((LOCAL, 0), (LOCAL, port), partner="first", accept_others=True)
     sim = Px4Sim({"api": wire}, load_airframe("sih_quad"), 1, noise=GPS_NOISE)
     highest, armed, tilt, fall = 0.0, 0, 0.0, 0.0
     was, truth = False, sim.truth()

@@ -26,7 +26,7 @@ ASKED = [
 ]
 
 
-def test_stopped_resumed_counted_and_compared(tmp_path):
+def test_campaign_is_stopped_resumed_counted_and_compared(tmp_path):
     out = tmp_path / "mine"
     command = [*PERCH_HIL, *ASKED, "--seeds", "0..2", "--out", str(out)]
     process = subprocess.Popen(
@@ -67,7 +67,7 @@ def _living(group: int) -> list[str]:
     return found
 
 
-def test_nobody_flies_on_when_it_is_killed(tmp_path):
+def test_killed_campaign_leaves_no_flight_running(tmp_path):
     command = [*PERCH_HIL, *ASKED, "--seeds", "0..19", "--out", str(tmp_path / "mine")]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     assert process.stderr is not None
@@ -84,7 +84,7 @@ def test_nobody_flies_on_when_it_is_killed(tmp_path):
     process.stderr.close()
 
 
-def test_usage(tmp_path):
+def test_usage_errors_exit_2(tmp_path):
     for more, says in (
         (["--seeds", "5"], "write A..B"),
         (["--rig", "field"], "real devices"),

@@ -98,7 +98,7 @@ def test_a_live_run_leaves_what_a_lockstep_run_leaves_and_can_be_replayed(tmp_pa
     assert all(one["state"] == "stopped" for name, one in table["services"].items())
     found = replay_run(run.path)
     assert {t.topic for t in found.topics} >= {"belief", "run/stage", "car/command", "mocap/board"}
-    if not any("not in the recording" in t.first for t in found.topics):  # the bus may drop under load, and says so
+    if not any("not in the recording" in t.first for t in found.topics):  # the bus reports drops under load
         assert found.same, found.lines()
 
 
@@ -123,7 +123,7 @@ def can_hang(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("number", [KILL, STOP, BUSY], ids=["kill", "stop", "busy"])
 @pytest.mark.parametrize("service", SERVICES)
-def test_a_strike_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
+def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
     out, strike = tmp_path / "runs", Strike(tmp_path, service, number)
     live = fly(out, strike, "pictures" if service == "detector" else "model")
     assert strike.done
@@ -142,7 +142,7 @@ def test_a_strike_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, serv
     truth = [entry.message for entry in recording.messages(["truth/vehicle"])]
     assert len(truth) > 50
     assert recording.complete == (service != "recorder")
-    if service == "vehicle_device":  # nothing flies any more, and nobody can say so
+    if service == "vehicle_device":  # the simulated vehicle has ended, so nothing reports it
         assert any(remark.startswith("vehicle_link did not say") for remark in remarks)
     elif service == "vehicle_link":  # the autopilot lands by itself
         assert truth[-1].velocity[2] < -0.2 or truth[-1].position[2] < 0.4
@@ -172,7 +172,7 @@ def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
         assert live.summary["services"]["vehicle_link"]["safe"]
 
 
-def test_services_whose_supervisor_is_killed_come_to_the_safe_state_by_themselves(tmp_path):
+def test_services_reach_the_safe_state_when_the_supervisor_is_killed(tmp_path):
     with (tmp_path / "said").open("wb") as said:
         run = subprocess.Popen(
             [Path(sys.executable).with_name("perch-hil"), "run", "simple-ii", "--camera", "model", "--live",

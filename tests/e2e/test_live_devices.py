@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from groundcar.motion.board_motion import SPEED
+from groundcar.motion import board_row
 from groundcar.scout.sim import ScoutSim
 from hil.assembly.board_motion import hover_start, start_board
 from hil.assembly.plan import Plan
@@ -96,7 +96,7 @@ def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monke
         ('[groundcar]\nkind = "can"\nchannel = "nocan9"', "car ended with exit code 3: .*CAN socketcan nocan9"),
     ],
 )  # fmt: skip
-def test_what_is_not_there_ends_the_run_before_anything_moves_in_one_line(tmp_path, rig, told):
+def test_missing_device_ends_the_run_before_motion_with_one_line(tmp_path, rig, told):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("0.0.0.0", 0))
         port = str(other.getsockname()[1])
@@ -120,7 +120,7 @@ class Car(threading.Thread):
         began = time.monotonic_ns()
         while not self.ended.wait(0.004):
             self.sim.step(time.monotonic_ns() - began)
-            self.fastest = max(self.fastest, abs(float(self.sim.board_row(0.0, 0.0)[SPEED])))
+            self.fastest = max(self.fastest, abs(float(self.sim.board_row(0.0, 0.0)[board_row.SPEED])))
         self.bus.close()
 
 
@@ -139,7 +139,7 @@ def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
     """
     live = fly(tmp_path, rig, names={"scenario": "simple-ii", "camera": "model"})
     time.sleep(1.5)  # the harness is gone: the car's own watchdog has acted by now
-    standing = abs(float(car.sim.board_row(0.0, 0.0)[SPEED]))
+    standing = abs(float(car.sim.board_row(0.0, 0.0)[board_row.SPEED]))
     car.ended.set()
     car.join()
     said = events(live.flight.run)
@@ -152,7 +152,7 @@ def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
 
 
 class Mirror(threading.Thread):
-    """Streams over VRPN where vehicle and board truly are, as the bus of a live run tells."""
+    """Streams the true poses of vehicle and board over VRPN, taken from the bus of a live run."""
 
     def __init__(self, server, endpoint, names):
         super().__init__(daemon=True)
@@ -180,7 +180,7 @@ class Mirror(threading.Thread):
                 name = "quad" if letter.topic == "truth/vehicle" else "board"
                 self.poses[name] = (letter.message.position, letter.message.orientation)
             count += 1
-            shake = 1e-5 * (count % 2)  # no real system says the same twice
+            shake = 1e-5 * (count % 2)  # a real system never sends the same pose twice
             self.server.tell({n: ((p[0] + shake, *p[1:]), (*q[1:], q[0])) for n, (p, q) in self.poses.items()})
         if bus is not None:
             bus.close()

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.assembly.builder import node_names
+from hil.assembly.node_table import node_names
 from hil.assembly.plan import Plan
 from hil.assembly.rig import RIG_DIR, load_rig
 from hil.live.run import fly_live

@@ -65,7 +65,7 @@ def hosts(tmp_path):
 
 @pytest.fixture
 def keys(hosts, tmp_path):
-    """host -> its folder: nobody has more than the files of what runs there."""
+    """host -> its folder, with the files of the services on that host only."""
     whole = tmp_path / "keys"
     subprocess.run([PERCH, "keys", str(whole), "--host", hosts.address], check=True, capture_output=True)
     here, there = shutil.copytree(whole, tmp_path / "here"), tmp_path / "there"
@@ -79,7 +79,7 @@ def keys(hosts, tmp_path):
 
 @pytest.fixture
 def start(hosts, tmp_path):
-    """Starts `perch-hil ...` on a host; what it says is in `.said()` once it has ended."""
+    """Starts `perch-hil ...` on a host; `.said()` is its output once it has ended."""
     running = []
 
     def started(host, *words):
@@ -165,7 +165,7 @@ def recording(tmp_path, enough=20_000):
     return any(path.stat().st_size > enough for path in (tmp_path / "runs").glob("*/run.mcap"))
 
 
-def test_a_cut_wire_is_told_on_both_sides_and_nobody_hangs(hosts, keys, start, tmp_path):
+def test_cut_connection_is_reported_on_both_hosts_and_both_end(hosts, keys, start, tmp_path):
     if not hosts.apart:
         pytest.skip("there is no wire to cut between loopback addresses")
     run, node = both(hosts, keys, start, tmp_path)
@@ -185,7 +185,7 @@ def test_a_host_that_dies_leaves_no_node_behind(hosts, keys, start, tmp_path):
     run.kill()  # the supervisor itself: `ip netns exec` has become it
     run.wait(10)
     assert node.wait(60) == 3, node.said()
-    assert "silent" in node.said()
+    assert "nothing received from supervisor and hub" in node.said()
     until(lambda: not served(tmp_path), 60.0)
     assert sum(1 for _ in Recording(folder(tmp_path)).messages(["truth/vehicle"])) > 50
 

@@ -20,7 +20,7 @@ from hil.recording import provenance
 from hil.recording.diff import diff_runs
 from hil.recording.reader import Recording
 from hil.recording.runs import list_runs, open_run
-from hil.safety.gate import GateLimits
+from hil.safety.limits import GateLimits
 from scenarios.spec import list_scenarios, load
 
 PATIENCE_S = 120  # a cold cache compiles kernels first
@@ -29,7 +29,7 @@ PERCH_HIL = [sys.executable, "-c", "from hil.cli.main import main; main()"]
 
 @pytest.fixture(scope="module")
 def code():
-    """Asked once, so that somebody's editor does not tell two runs of this module apart."""
+    """Computed once, so that an edit during the tests does not change it between two runs."""
     return provenance.code()
 
 
@@ -119,7 +119,7 @@ def flown_with_pictures(seed, out, code):
     return flight
 
 
-def test_with_pictures_it_perches(tmp_path, code):
+def test_scenario_with_pictures_perches(tmp_path, code):
     # Several seeds, because another processor rounds differently and a single flight hangs on the last bit.
     scores = [flown_with_pictures(seed, tmp_path, code).score for seed in (3, 4, 5, 6)]
     assert sum(score.within_tolerance for score in scores) >= 3, [score.reason for score in scores]
@@ -212,7 +212,7 @@ def test_a_killed_run_leaves_what_was_flushed(tmp_path):
         (["{tmp}/scenario.toml"], "scenario.toml"),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_2_and_nothing_is_written(arguments, says, tmp_path):
+def test_usage_error_is_one_line_exit_2_and_nothing_is_written(arguments, says, tmp_path):
     (tmp_path / "broken.onnx").write_bytes(b"\x08\x07 not a network")
     (tmp_path / "rig.toml").write_text('title = "mine"\n[vehicel]\nkind = "sim"\n')
     (tmp_path / "scenario.toml").write_text('name = "mine"\n[path\n')

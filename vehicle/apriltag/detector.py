@@ -1,4 +1,4 @@
-"""The board's pose from one picture: where to look, which tags to trust, which of two mirrored poses to believe."""
+"""The board's pose from one picture: search regions, selection of tags, choice between two mirrored poses."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class DetectorSettings:
     max_rms: float = 1.5  # px, of several tags
     max_rms_single: float = 0.6  # px; four corners fit almost anything, so a lone tag must fit well
     ambiguity_rms: float = 1.0  # px, mirrored poses whose rms differ by less are both possible: ask the prior
-    prior_angle: float = 0.35  # rad; a prior farther from both than this knows nothing of them: the board was lost
-    # Where neither prior nor horizon can tell, the better pose is believed if the other one's rms is clear_rms (px)
-    # larger, or clear_ratio times as large; less than sharp_rms (px) is luck
+    prior_angle: float = 0.35  # rad; a prior farther from both than this is not used: the board was lost
+    # Where neither prior nor horizon decides, the better pose is accepted if the other one's rms is clear_rms (px)
+    # larger, or clear_ratio times as large; an rms below sharp_rms (px) counts as sharp_rms
     clear_rms: float = 0.2
     clear_ratio: float = 4.0
     sharp_rms: float = 0.03
@@ -49,10 +49,10 @@ class DetectorSettings:
 
 @dataclass(frozen=True)
 class BoardPose:
-    """What was seen in one picture. `R` (3, 3) and `p` (3,) m: board in the optical frame, NaN unless found.
+    """Result of one picture. `R` (3, 3) and `p` (3,) m: board in the optical frame, NaN unless found.
 
     Sigmas are one-sigma predictions from the corners' geometry: `lateral_sigma` and `depth_sigma` (m, across and along
-    the optical axis), `orientation_sigma` (rad, rms rotation angle). They know nothing of errors of calibration or
+    the optical axis), `orientation_sigma` (rad, rms rotation angle). They do not include errors of calibration or
     odometry.
     """
 
@@ -163,7 +163,7 @@ class BoardDetector:
         if not fits:
             return outcome("no fit")
         if fits[0].rms > s.max_rms and len(used) > 1:
-            # One tag's edges may have snapped to something beside it: leave out the tag that spoils the rest
+            # One tag's edges may have locked onto an edge beside it: drop the tag with the largest effect
             trials = [(self._fit(used[:i] + used[i + 1 :], prior), i) for i in range(len(used))]
             rest, spoiler = min(trials, key=lambda trial: trial[0][0].rms if trial[0] else math.inf)
             if rest:
@@ -193,7 +193,7 @@ class BoardDetector:
         return bool((pixels >= border).all() and (pixels <= high - border).all())
 
     def _choose(self, fits: list[PoseFit], prior: tuple | None, up: np.ndarray | None) -> tuple[PoseFit, bool]:
-        """The pose to believe, and whether that is a guess between two that differ."""
+        """The best pose, and True if a different pose is about as likely."""
         best = fits[0]
         apart, far = math.cos(2.0 * self.settings.max_normal_sigma), best.rms + self.settings.ambiguity_rms
         others = [f for f in fits if f.rms < far and float(f.R[:, 2] @ best.R[:, 2]) < apart]
@@ -208,7 +208,7 @@ class BoardDetector:
             level = sorted(rivals, key=lambda fit: abs(float(fit.R[:, 1] @ up)))
             if abs(float(level[1].R[:, 1] @ up)) - abs(float(level[0].R[:, 1] @ up)) > 0.05:
                 return level[0], False
-        # Straight behind the board the mirrored one is level too; a silent detector there would stay silent for good
+        # Straight behind the board the mirrored pose is level too; without a detection it would stay ambiguous
         s, other = self.settings, min(fit.rms for fit in others)
         return best, other < min(best.rms + s.clear_rms, s.clear_ratio * max(best.rms, s.sharp_rms))
 

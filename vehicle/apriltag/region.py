@@ -35,9 +35,9 @@ class Region:
 def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray, doubt_px: float = 0.0) -> list[Region]:
     """Regions to search in turn until one shows a tag; empty if the expected pose is not in the picture.
 
-    `doubt_px`: how far from there the board may be, beyond what a pose foretold from the last picture is wrong by.
+    `doubt_px`: distance by which the board may be off, beyond the error of a pose predicted from the last picture.
     While the largest tag is wholly in the picture it alone decides the decimation; nearer, the smaller ones do, and
-    where they are is looked first: the board fills the picture then, when there is least time.
+    their region is searched first: the board then fills the picture, and a search of all of it takes longest.
     """
     size = np.array([camera.width, camera.height], np.float64)
     points = board.corners @ R.T + p

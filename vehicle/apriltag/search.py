@@ -13,20 +13,20 @@ from vehicle.camera.pinhole import Camera
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How long a prior is believed that shows nothing, and how often everything is searched."""
+    """How long a prior without detections is used, and how often the whole picture is searched."""
 
-    # So many misses in a row and the prior is not believed for one picture, then again: a search of the whole picture
-    # takes 7 to 14 ms, and a board that the prior knows to be out of sight for a while is missed often
+    # After so many misses in a row the prior is ignored for one picture, not for longer: a search of the whole picture
+    # takes 7 to 14 ms, and a board that is expected outside the picture is missed often
     misses_until_lost: int = 7
-    doubt_px: float = 4.0  # by so much the search around the prior grows with every miss
-    # After so many misses in a row only one picture in `seldom` is searched where nothing tells where to look: all of
-    # them took 59 % of a core while the board was out of sight
+    doubt_px: float = 4.0  # growth of the search around the prior with every miss
+    # After so many misses in a row without a prior only one picture in `seldom` is searched: searching all of them took
+    # 59 % of a core while the board was out of sight
     seldom_after: int = 12
     seldom: int = 3
 
 
 class BoardSearch:
-    """Keeps count of misses, so that it knows when the board is lost."""
+    """Chooses the regions to search; counts misses to decide when the board is lost."""
 
     def __init__(self, camera: Camera, board: Board, settings: SearchSettings) -> None:
         self._camera, self._board, self._settings = camera, board, settings
@@ -34,14 +34,14 @@ class BoardSearch:
         self.misses = self.searches = 0
 
     def note(self, found: bool) -> None:
-        """What came of the last picture."""
+        """Report whether the board was found in the last picture."""
         self.misses = 0 if found else self.misses + 1
 
     def regions(self, prior: tuple[np.ndarray, np.ndarray] | None) -> list[Region]:
-        """Where to look, in turn; empty: not at all, as where the board is expected out of the picture.
+        """Regions to search, in turn; empty where the board is expected outside the picture.
 
-        `prior`: the expected pose (R (3, 3), p (3,) m) in the optical frame. With every miss farther around it, as long
-        as that costs less than to look everywhere; one picture in a few is searched as if nothing were known.
+        `prior`: the expected pose (R (3, 3), p (3,) m) in the optical frame. The region around it grows
+        with every miss, as long as that costs less than the whole picture; one picture in a few is searched without it.
         """
         s = self._settings
         believed = self.misses % (s.misses_until_lost + 1) < s.misses_until_lost
@@ -53,6 +53,6 @@ class BoardSearch:
                 return regions[:1]
         if self.misses >= s.seldom_after and self.misses % s.seldom > 0 and (prior is None or believed):
             return []
-        # Mostly the cheap search, now and then the one that sees farther
+        # Mostly the cheap search, one in four with finer decimation, which detects at longer range
         self.searches += 1
         return [replace(self._whole, decimate=2.0) if self.searches % 4 == 0 else self._whole]

@@ -5,7 +5,7 @@ had to be chosen: S_dist = (k1 d)^k2 (the table swaps the two descriptions); "la
 axes of the optical frame; the biases are constant in the world (position) and in the board's frame (orientation).
 
 The paper scales every sigma by one S_f. Here position lateral, position depth and rotation each have their own sigma
-and k1..k5, so that one kernel also speaks for the real detector, whose rotation error falls where its depth error
+and k1..k5, so that one kernel also models the real detector, whose rotation error falls where its depth error
 grows. The paper's set gives all three the same k.
 """
 
@@ -18,36 +18,23 @@ import numpy as np
 from kernel.jit import njit
 from kernel.random import normal
 from kernel.rotations import multiply
+from vehicle.camera import bias_row, detection_row, noise_row
 from vehicle.camera.pinhole import camera_position, optical_axis, world_from_optical
 
-# What a detection is wrong by from picture to picture beyond its corners' noise: the vehicle's own position (m) and
-# where the camera really points (rad). Errors that wander slowly are larger; the filter's random walks take them up.
+# Errors of a detection from picture to picture beyond its corners' noise: the vehicle's own position (m) and the
+# direction of the camera (rad). Errors that vary slowly are larger; the filter's random walks cover them.
 ODOMETRY_SIGMA, POINTING_SIGMA = 0.003, 0.003
-
-# A noise row: three channels of CHANNEL_DIM numbers [sigma, k1, k2, k3, k4, k5], then the two biases.
-LATERAL, DEPTH, ROTATION = 0, 6, 12  # first index of each channel; sigmas in m, m, rad
-CHANNEL_DIM = 6
-BIAS_POSITION, BIAS_ROTATION = 18, 19  # m, rad
-NOISE_DIM = 20
-
-# An observation row: noisy pose, then the one-sigma the model itself drew from (what a filter may believe).
-OBS_P, OBS_Q = 0, 3  # slices 0:3 and 3:7 (world from board, w x y z)
-OBS_SIGMA_LATERAL, OBS_SIGMA_DEPTH, OBS_SIGMA_ROTATION = 7, 8, 9
-OBS_DIM = 10
-
-# A bias row: position (3) and quaternion (4), drawn once an episode.
-BIAS_DIM = 7
 
 
 def paper_noise() -> np.ndarray:
-    """The (NOISE_DIM,) row of the paper's table: k = 1, 0.5, 2, 2, 0.15; 21 mm, 28 mm, 2 deg; bias 20 mm, 2 deg."""
+    """The noise row of the paper's table: k = 1, 0.5, 2, 2, 0.15; 21 mm, 28 mm, 2 deg; bias 20 mm, 2 deg."""
     k = (1.0, 0.5, 2.0, 2.0, 0.15)
     deg = math.radians(2.0)
     return np.array([0.021, *k, 0.028, *k, deg, *k, 0.02, deg])
 
 
 def measured_noise() -> np.ndarray:
-    """The (NOISE_DIM,) row fitted to what renderer and detector of this project give (benchmarks/bench_camera.py fit).
+    """The noise row fitted to what renderer and detector of this project give (benchmarks/bench_camera.py fit).
 
     Random views 0.15..9 m away, up to 82 deg of incidence, moving at about 2 m/s and 1.5 rad/s, 2 ms exposure;
     sigmas are 1.5 times the fit's, because the errors' tails are heavier than a Gaussian's. No bias: calibration and
@@ -78,20 +65,20 @@ def viewing_condition(vehicle_p, vehicle_q, vehicle_v, board_p, normal_x, normal
 @njit
 def channel_sigma(distance, cos_axis, cos_incidence, speed, noise, channel):
     """One-sigma of a channel (LATERAL, DEPTH or ROTATION): sigma * S_dist * S_axis * S_inc * S_vel."""
-    s_dist = (noise[channel + 1] * distance) ** noise[channel + 2]
-    s_axis = 1.0 + noise[channel + 3] * (1.0 - cos_axis)
-    s_inc = 1.0 + noise[channel + 4] * (1.0 - cos_incidence)
-    s_vel = 1.0 + noise[channel + 5] * speed
-    return noise[channel] * s_dist * s_axis * s_inc * s_vel
+    s_dist = (noise[channel + noise_row.K1] * distance) ** noise[channel + noise_row.K2]
+    s_axis = 1.0 + noise[channel + noise_row.K3] * (1.0 - cos_axis)
+    s_inc = 1.0 + noise[channel + noise_row.K4] * (1.0 - cos_incidence)
+    s_vel = 1.0 + noise[channel + noise_row.K5] * speed
+    return noise[channel + noise_row.SIGMA] * s_dist * s_axis * s_inc * s_vel
 
 
 @njit
 def predicted_sigmas(distance, cos_axis, cos_incidence, speed, noise, scale):
     """One-sigmas (lateral m, depth m, rotation angle rad) under a viewing condition, times `scale`, without biases."""
     return (
-        scale * channel_sigma(distance, cos_axis, cos_incidence, speed, noise, LATERAL),
-        scale * channel_sigma(distance, cos_axis, cos_incidence, speed, noise, DEPTH),
-        scale * channel_sigma(distance, cos_axis, cos_incidence, speed, noise, ROTATION),
+        scale * channel_sigma(distance, cos_axis, cos_incidence, speed, noise, noise_row.LATERAL),
+        scale * channel_sigma(distance, cos_axis, cos_incidence, speed, noise, noise_row.DEPTH),
+        scale * channel_sigma(distance, cos_axis, cos_incidence, speed, noise, noise_row.ROTATION),
     )
 
 
@@ -106,15 +93,17 @@ def _random_rotation(sigma, rng):
 
 @njit
 def draw_bias(noise, scale, rng, bias):
-    """Draw an episode's systematic bias into `bias` ((BIAS_DIM,): position m, quaternion); `rng` is a kernel stream."""
+    """Draw an episode's systematic bias into `bias` (bias_row.DIM,); `rng` is a kernel stream."""
     for i in range(3):
-        bias[i] = scale * noise[BIAS_POSITION] * normal(rng)
-    bias[3], bias[4], bias[5], bias[6] = _random_rotation(scale * noise[BIAS_ROTATION], rng)
+        bias[bias_row.P + i] = scale * noise[noise_row.BIAS_POSITION] * normal(rng)
+    turn = _random_rotation(scale * noise[noise_row.BIAS_ROTATION], rng)
+    for i in range(4):
+        bias[bias_row.Q + i] = turn[i]
 
 
 @njit
 def observe_board(vehicle_p, vehicle_q, vehicle_v, board_p, board_q, board_v, cam, noise, scale, bias, rng, out):
-    """Write a noisy observation of the board into `out` ((OBS_DIM,)): p, q, sigma lateral, depth, rotation.
+    """Write a noisy observation of the board into `out` (a detection row).
 
     `vehicle_p`, `vehicle_v`, `board_p`, `board_v`: (3,) world; `vehicle_q`, `board_q`: (4,) world from body / board;
     `cam`: camera row; `noise`: noise row; `scale` multiplies the random part (the bias was scaled when drawn);
@@ -125,6 +114,11 @@ def observe_board(vehicle_p, vehicle_q, vehicle_v, board_p, board_q, board_v, ca
     d, ca, ci, v = viewing_condition(vehicle_p, vehicle_q, vehicle_v, board_p, nx, ny, nz, board_v, cam)
     lateral, depth, rotation = predicted_sigmas(d, ca, ci, v, noise, scale)
     ex, ey, ez = world_from_optical(vehicle_q, lateral * normal(rng), lateral * normal(rng), depth * normal(rng), cam)
-    out[0], out[1], out[2] = board_p[0] + ex + bias[0], board_p[1] + ey + bias[1], board_p[2] + ez + bias[2]
-    out[3], out[4], out[5], out[6] = multiply(multiply((w, x, y, z), _random_rotation(rotation, rng)), bias[3:7])
-    out[7], out[8], out[9] = lateral, depth, rotation
+    error = (ex, ey, ez)
+    for i in range(3):
+        out[detection_row.P + i] = board_p[i] + error[i] + bias[bias_row.P + i]
+    turned = multiply(multiply((w, x, y, z), _random_rotation(rotation, rng)), bias[bias_row.Q : bias_row.DIM])
+    for i in range(4):
+        out[detection_row.Q + i] = turned[i]
+    out[detection_row.SIGMA_LATERAL], out[detection_row.SIGMA_DEPTH] = lateral, depth
+    out[detection_row.SIGMA_ROTATION] = rotation

@@ -1,9 +1,9 @@
-"""The pinhole camera on the vehicle: intrinsics, mount, projection, and the visibility gate of the model camera.
+"""The pinhole camera on the vehicle: intrinsics, mount, projection, and the visibility test of the model camera.
 
 Optical frame: x right, y down, z forward. Pixels follow OpenCV: centres at integers, so a picture covers
 [-0.5, width - 0.5]. The mount is an offset from the body origin (FLU) and a tilt below the body's x axis (paper App.
-"Experimental Setup": about 15 deg down). The gate answers for the paper's Sec. "Visibility-Gated Observation Model";
-its limits were set against what the AprilTag detector sees on rendered pictures (benchmarks/bench_camera.py).
+"Experimental Setup": about 15 deg down). The visibility test is that of the paper's Sec. "Visibility-Gated Observation
+Model"; its limits were set by the AprilTag detector's results on rendered pictures (benchmarks/bench_camera.py).
 """
 
 from __future__ import annotations
@@ -14,20 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundcar.board.layout import TAG_MODULES, Board
+from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import rotate, rotate_back
-
-# Indices of a camera row, the (CAM_DIM,) float64 form that kernels take.
-FX, FY, CX, CY, WIDTH, HEIGHT = 0, 1, 2, 3, 4, 5  # px
-OFFSET_X, OFFSET_Y, OFFSET_Z = 6, 7, 8  # m, body FLU
-TILT = 9  # rad, positive looks down
-MARGIN = 10  # px, a tag's corners must be this far inside the picture
-MAX_RANGE = 11  # m
-MIN_COS_INCIDENCE = 12  # cosine of the largest incidence angle at which tags decode
-MIN_MODULE = 13  # px, smallest foreshortened tag module (bit cell) that decodes
-TAGS = 14  # how many tags the board has; after it each tag's [x, y, half its width], m, board frame
-MOST_TAGS = 16
-CAM_DIM = TAGS + 1 + 3 * MOST_TAGS
+from vehicle.camera import camera_row
 
 
 @dataclass(frozen=True)
@@ -64,19 +54,22 @@ class Camera:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def row(self, board: Board | None = None) -> np.ndarray:
-        """The (CAM_DIM,) row for kernels, with the tags of the board that is looked for (None: the project's own).
+        """The camera row for kernels (vehicle.camera.camera_row), with the tags of `board` (None: the project's own).
 
         Raises ValueError for a board of more than MOST_TAGS tags.
         """
         tags = (board or Board()).tags
-        if len(tags) > MOST_TAGS:
-            raise ValueError(f"the board has {len(tags)} tags; the visibility gate knows at most {MOST_TAGS}")
+        if len(tags) > camera_row.MOST_TAGS:
+            raise ValueError(
+                f"the board has {len(tags)} tags; the visibility test takes at most {camera_row.MOST_TAGS}"
+            )
         limits = (self.margin_px, self.max_range, math.cos(self.max_incidence), self.min_module_px)
         intrinsics = (self.fx, self.fy, self.cx, self.cy, self.width, self.height)
-        row = np.zeros(CAM_DIM)
-        row[:TAGS] = (*intrinsics, *self.offset, self.tilt, *limits)
-        row[TAGS] = len(tags)
-        row[TAGS + 1 : TAGS + 1 + 3 * len(tags)] = [number for tag in tags for number in (tag.x, tag.y, tag.width / 2)]
+        row = np.zeros(camera_row.DIM)
+        row[: camera_row.TAGS] = (*intrinsics, *self.offset, self.tilt, *limits)
+        row[camera_row.TAGS] = len(tags)
+        numbers = [number for tag in tags for number in (tag.x, tag.y, tag.width / 2)]
+        row[camera_row.FIRST_TAG : camera_row.FIRST_TAG + len(numbers)] = numbers
         return row
 
 
@@ -97,7 +90,7 @@ def body_from_optical(x, y, z, tilt):
 @njit
 def world_from_optical(vehicle_q, x, y, z, cam):
     """A vector in the optical frame expressed in the world (3 floats). `vehicle_q` (4,): world from body."""
-    bx, by, bz = body_from_optical(x, y, z, cam[TILT])
+    bx, by, bz = body_from_optical(x, y, z, cam[camera_row.TILT])
     return rotate(vehicle_q, bx, by, bz)
 
 
@@ -105,13 +98,13 @@ def world_from_optical(vehicle_q, x, y, z, cam):
 def optical_from_world(vehicle_q, x, y, z, cam):
     """A world vector (a direction, no translation) expressed in the optical frame (3 floats)."""
     bx, by, bz = rotate_back(vehicle_q, x, y, z)
-    return optical_from_body(bx, by, bz, cam[TILT])
+    return optical_from_body(bx, by, bz, cam[camera_row.TILT])
 
 
 @njit
 def camera_position(vehicle_p, vehicle_q, cam):
     """Position of the camera's centre in the world (3 floats, m)."""
-    x, y, z = rotate(vehicle_q, cam[OFFSET_X], cam[OFFSET_Y], cam[OFFSET_Z])
+    x, y, z = rotate(vehicle_q, cam[camera_row.OFFSET_X], cam[camera_row.OFFSET_Y], cam[camera_row.OFFSET_Z])
     return vehicle_p[0] + x, vehicle_p[1] + y, vehicle_p[2] + z
 
 
@@ -144,21 +137,25 @@ def project(x, y, z, cam):
     """Pixel (u, v) of a point in the optical frame; NaN behind the camera."""
     if z <= 1e-6:
         return math.nan, math.nan
-    return cam[FX] * x / z + cam[CX], cam[FY] * y / z + cam[CY]
+    return cam[camera_row.FX] * x / z + cam[camera_row.CX], cam[camera_row.FY] * y / z + cam[camera_row.CY]
 
 
 @njit
 def _square_inside(c, ex, ey, half, cam):
     """True if all corners of a square on the board, its centre `c` in the optical frame, lie inside the picture's
     margin."""
-    low, right, bottom = cam[MARGIN], cam[WIDTH] - 1.0 - cam[MARGIN], cam[HEIGHT] - 1.0 - cam[MARGIN]
+    low, right, bottom = (
+        cam[camera_row.MARGIN],
+        cam[camera_row.WIDTH] - 1.0 - cam[camera_row.MARGIN],
+        cam[camera_row.HEIGHT] - 1.0 - cam[camera_row.MARGIN],
+    )
     for i in range(4):
         bx = half if i < 2 else -half
         by = half if i % 2 == 0 else -half
         px, py, pz = (c[0] + bx * ex[0] + by * ey[0], c[1] + bx * ex[1] + by * ey[1], c[2] + bx * ex[2] + by * ey[2])
         if pz < 0.02:
             return False
-        u, v = cam[FX] * px / pz + cam[CX], cam[FY] * py / pz + cam[CY]
+        u, v = cam[camera_row.FX] * px / pz + cam[camera_row.CX], cam[camera_row.FY] * py / pz + cam[camera_row.CY]
         if u < low or u > right or v < low or v > bottom:
             return False
     return True
@@ -166,31 +163,31 @@ def _square_inside(c, ex, ey, half, cam):
 
 @njit
 def _visible(c, ex, ey, cam):
-    """The gate on the board's centre `c` and axes `ex`, `ey`, all 3-tuples in the optical frame."""
+    """Visibility test for the board's centre `c` and axes `ex`, `ey`, all 3-tuples in the optical frame."""
     nx, ny, nz = ex[1] * ey[2] - ex[2] * ey[1], ex[2] * ey[0] - ex[0] * ey[2], ex[0] * ey[1] - ex[1] * ey[0]
     above = -(c[0] * nx + c[1] * ny + c[2] * nz)
     if not above > 0.0:
         return 0
-    for i in range(int(cam[TAGS])):
-        k = TAGS + 1 + 3 * i
-        x, y, half = cam[k], cam[k + 1], cam[k + 2]
+    for i in range(int(cam[camera_row.TAGS])):
+        at = camera_row.FIRST_TAG + camera_row.TAG_DIM * i
+        x, y, half = cam[at + camera_row.TAG_X], cam[at + camera_row.TAG_Y], cam[at + camera_row.TAG_HALF]
         tag = (c[0] + x * ex[0] + y * ey[0], c[1] + x * ex[1] + y * ey[1], c[2] + x * ex[2] + y * ey[2])
         distance = math.sqrt(tag[0] * tag[0] + tag[1] * tag[1] + tag[2] * tag[2])
-        if distance > cam[MAX_RANGE] or above < cam[MIN_COS_INCIDENCE] * distance:
+        if distance > cam[camera_row.MAX_RANGE] or above < cam[camera_row.MIN_COS_INCIDENCE] * distance:
             continue
-        module = cam[FX] * 2.0 * half / TAG_MODULES / distance * (above / distance)
-        if module >= cam[MIN_MODULE] and _square_inside(tag, ex, ey, half, cam):
+        module = cam[camera_row.FX] * 2.0 * half / TAG_MODULES / distance * (above / distance)
+        if module >= cam[camera_row.MIN_MODULE] and _square_inside(tag, ex, ey, half, cam):
             return 1
     return 0
 
 
 @njit
 def board_visibility(vehicle_p, vehicle_q, board_p, board_R, cam):
-    """1 if the detector can be expected to give a pose of the board, else 0 (NaN anywhere: 0).
+    """1 if the detector is expected to give a pose of the board, else 0 (NaN anywhere: 0).
 
     `vehicle_p` (3,) m and `vehicle_q` (4,) world from body; `board_p` (3,) m and `board_R` (3, 3) world from board;
     `cam` a camera row. Visible means: front face, and at least one tag lies wholly in the picture, within range and
-    incidence, with modules large enough to decode. No occlusion, no blur.
+    incidence, with modules large enough to decode. Occlusion and blur are not modelled.
     """
     c = point_in_camera(vehicle_p, vehicle_q, board_p, cam)
     ex = optical_from_world(vehicle_q, board_R[0, 0], board_R[1, 0], board_R[2, 0], cam)
@@ -200,10 +197,9 @@ def board_visibility(vehicle_p, vehicle_q, board_p, board_R, cam):
 
 @njit
 def board_row_visibility(vehicle_p, vehicle_q, board, cam):
-    """`board_visibility` for a board row [x, y, z, heading, speed, turn_rate, inclination, u]: the form to train
-    on."""
-    ch, sh = math.cos(board[3]), math.sin(board[3])
-    ci, si = math.cos(board[6]), math.sin(board[6])
+    """`board_visibility` for a board row (groundcar.motion.board_row), as training uses it."""
+    ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    ci, si = math.cos(board[board_row.INCLINATION]), math.sin(board[board_row.INCLINATION])
     c = point_in_camera(vehicle_p, vehicle_q, board, cam)
     ex = optical_from_world(vehicle_q, ch * ci, sh * ci, si, cam)
     ey = optical_from_world(vehicle_q, -sh, ch, 0.0, cam)

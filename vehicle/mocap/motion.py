@@ -1,7 +1,7 @@
-"""How a body moves, from the poses that motion capture gives of it: a parabola through the last few, its slope now.
+"""Velocity and body rate from motion capture poses: the slope, at the newest pose, of a parabola through the last few.
 
-A straight line through them would show the motion of half a window ago, which at 10 m/s^2 is a third of a metre per
-second wrong; the parabola's slope at the newest pose lags only by what the acceleration changes.
+A straight line would give the motion of half a window ago, which at 10 m/s^2 is wrong by a third of a metre per second;
+the parabola's slope is wrong only by the change of the acceleration.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
 SAMPLES = 8
-GAP_NS = 100_000_000  # poses further apart than this say nothing about the motion between them
+GAP_NS = 100_000_000  # poses further apart than this are not used together
 
 
 class BodyMotion:
-    """One body. Until three poses are known it is taken to stand still."""
+    """One body. Velocity and body rate are zero until three poses are known."""
 
     def __init__(self) -> None:
         self._poses: deque[tuple[int, Vec3, Quat]] = deque(maxlen=SAMPLES)
@@ -47,7 +47,7 @@ class BodyMotion:
         back = conjugate(orientation)
         rows = np.array(
             [(*p, *to_rotation_vector(_near(multiply(back, q)))) for _, p, q in self._poses]
-        )  # turned and moved, as seen from the newest pose
+        )  # displacement and rotation relative to the newest pose
         scale = float(-times[0])
         design = np.stack([np.ones_like(times), times / scale, (times / scale) ** 2], axis=1)
         slope = np.linalg.lstsq(design, rows, rcond=None)[0][1] / scale
@@ -56,5 +56,5 @@ class BodyMotion:
 
 
 def _near(q: Quat) -> Quat:
-    """The one of the two quaternions of this rotation that turns by less than half a turn."""
+    """The quaternion of this rotation with w >= 0, a rotation of at most half a turn."""
     return q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])

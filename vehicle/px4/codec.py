@@ -1,7 +1,7 @@
 """MAVLink 2 framing from pymavlink's own message tables: as its `pack`, but a few microseconds a message.
 
-Packing walks no Python attributes and parsing builds no objects until asked, which is what lets a software PX4 send
-its 430 messages a second cheaply. Tests hold every message to pymavlink's bytes.
+Packing walks no Python attributes and parsing decodes fields only when they are read, so that the software PX4 can send
+its 430 messages a second at little cost. Tests compare every message with pymavlink's bytes.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Parser:
                 break
             stop = at + header + buffer[at + 1] + 2
             if mark == V2_MARK:
-                if buffer[at + 2] & 0xFE:  # an incompatibility flag nobody has defined: not a frame
+                if buffer[at + 2] & 0xFE:  # an incompatibility flag that is not defined: not a frame
                     at += 1
                     self.garbage_bytes += 1
                     continue

@@ -1,6 +1,6 @@
-"""The messages that PX4 v1.17 and its clients exchange: pymavlink's tables, and what those do not know, as structs.
+"""The messages that PX4 v1.17 and its clients exchange: pymavlink's tables and the messages that they lack, as structs.
 
-`MessageType` lays a message's fields out as they lie on the wire; `px4_codec.py` puts frames around them.
+`MessageType` lays a message's fields out as they lie on the wire; `codec.py` puts frames around them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What PX4 and its clients agree on over MAVLink: modes, commands, masks, constants. Shared by simulator and link.
+"""MAVLink as PX4 and its clients use it: modes, commands, masks, constants. Shared by simulator and driver.
 
-Import MAVLink through this module only: it sets MAVLINK20 before pymavlink decides, and picks the dialect that knows
-every message PX4 v1.17 sends by default. Framing itself is in `px4_codec.py`.
+Import MAVLink through this module only: it sets MAVLINK20 before pymavlink is imported, and selects the dialect with
+every message that PX4 v1.17 sends by default. Framing itself is in `codec.py`.
 """
 
 from __future__ import annotations

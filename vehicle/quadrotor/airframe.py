@@ -1,4 +1,4 @@
-"""Airframes: what a quadrotor weighs, pushes and carries, read from TOML, and its (NP,) row for kernels.
+"""Airframes: mass, motors, rate control, contact disc and camera mount of a quadrotor, read from TOML.
 
 Body frame FLU with its origin in the centre of mass. Motors are numbered as PX4's quad X: 0 front right, 1 rear left,
 2 front left, 3 rear right; 0 and 1 turn counter-clockwise seen from above.
@@ -13,28 +13,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from kernel.random import uniform
 from kernel.toml_errors import read_toml, validate
+from vehicle.quadrotor import airframe_row
 
 AIRFRAME_DIR = Path(__file__).parent / "airframes"
 GRAVITY = 9.80665
-
-# Indices of a params row. Names of three elements are slices X, X + 1, X + 2 for roll, pitch, yaw (body x, y, z).
-MASS = 0  # kg
-INERTIA = 1  # 3, kg m^2
-DRAG = 4  # 3, N/(m/s), along the body's axes
-ANGULAR_DAMPING = 7  # Nm/(rad/s)
-MOTOR_LAG = 8  # s
-MOTOR_THRUST = 9  # N, one motor at command 1
-ARM_X, ARM_Y = 10, 11  # m, motors stand at (+-ARM_X, +-ARM_Y)
-YAW_TORQUE = 12  # m, reaction torque over thrust of a motor
-MIXER_ROLL_PITCH, MIXER_YAW = 13, 14  # motor command per unit of torque set-point
-HOVER_THRUST = 15  # 0..1, what the controller believes: randomising the vehicle does not change it
-RATE_P, RATE_I, RATE_D, RATE_K, RATE_LIMIT_I = 16, 19, 22, 25, 28  # 3 each
-GYRO_CUTOFF, DGYRO_CUTOFF, YAW_TORQUE_CUTOFF = 31, 32, 33  # Hz
-MAGNET_Z = 34  # m, face of the magnet below the centre of mass (positive down)
-FOOTPRINT_RADIUS = 35  # m
-NP = 36
 
 _Vec3 = tuple[float, float, float]
 
@@ -87,19 +70,17 @@ class RateControl(_Section):
 
 
 class CameraMount(_Section):
-    """Where the camera sits."""
+    """Mount of the camera."""
 
     offset: _Vec3 = Field(default=(0.08, 0.0, 0.0), description="from the centre of mass, body FLU, m")
     tilt_deg: float = Field(default=15.0, ge=-90, le=90, description="below the body's x axis")
 
 
 class ContactGeometry(_Section):
-    """What touches the board."""
+    """The contact disc: what meets the board."""
 
-    magnet_below: float = Field(
-        default=0.04, gt=0, le=0.5, description="face of the magnet under the centre of mass, m"
-    )
-    footprint_radius: float = Field(default=0.13, gt=0, le=1, description="disc that stands for body and rotors, m")
+    magnet_below: float = Field(gt=0, le=0.5, description="face of the magnet under the centre of mass, m")
+    footprint_radius: float = Field(gt=0, le=1, description="of the disc that stands for body and rotors, m")
 
 
 class Airframe(_Section):
@@ -110,8 +91,8 @@ class Airframe(_Section):
     body: Body
     motors: Motors
     rate_control: RateControl
+    contact: ContactGeometry
     camera: CameraMount = CameraMount()
-    contact: ContactGeometry = ContactGeometry()
 
     @property
     def hover_thrust(self) -> float:
@@ -119,46 +100,38 @@ class Airframe(_Section):
         return 1.0 / self.motors.thrust_to_weight
 
     def params_row(self) -> np.ndarray:
-        """The (NP,) float64 row that kernels take, indices as named in this module."""
-        row = np.zeros(NP)
+        """The airframe row for kernels (vehicle.quadrotor.airframe_row)."""
+        row = np.zeros(airframe_row.DIM)
         body, motors, rates = self.body, self.motors, self.rate_control
-        row[MASS], row[ANGULAR_DAMPING] = body.mass, body.angular_damping
-        row[INERTIA : INERTIA + 3], row[DRAG : DRAG + 3] = body.inertia, body.drag
-        row[MOTOR_LAG] = motors.lag
-        row[MOTOR_THRUST] = 0.25 * motors.thrust_to_weight * body.mass * GRAVITY
-        row[ARM_X], row[ARM_Y], row[YAW_TORQUE] = motors.arm_x, motors.arm_y, motors.yaw_torque
-        row[MIXER_ROLL_PITCH], row[MIXER_YAW] = motors.mixer_roll_pitch, motors.mixer_yaw
-        row[HOVER_THRUST] = self.hover_thrust
-        for index, gains in ((RATE_P, rates.p), (RATE_I, rates.i), (RATE_D, rates.d), (RATE_K, rates.k)):
+        row[airframe_row.MASS], row[airframe_row.ANGULAR_DAMPING] = body.mass, body.angular_damping
+        row[airframe_row.INERTIA : airframe_row.INERTIA + 3], row[airframe_row.DRAG : airframe_row.DRAG + 3] = (
+            body.inertia,
+            body.drag,
+        )
+        row[airframe_row.MOTOR_LAG] = motors.lag
+        row[airframe_row.MOTOR_THRUST] = 0.25 * motors.thrust_to_weight * body.mass * GRAVITY
+        row[airframe_row.ARM_X], row[airframe_row.ARM_Y], row[airframe_row.YAW_TORQUE] = (
+            motors.arm_x,
+            motors.arm_y,
+            motors.yaw_torque,
+        )
+        row[airframe_row.MIXER_ROLL_PITCH], row[airframe_row.MIXER_YAW] = motors.mixer_roll_pitch, motors.mixer_yaw
+        row[airframe_row.HOVER_THRUST] = self.hover_thrust
+        for index, gains in (
+            (airframe_row.RATE_P, rates.p),
+            (airframe_row.RATE_I, rates.i),
+            (airframe_row.RATE_D, rates.d),
+            (airframe_row.RATE_K, rates.k),
+        ):
             row[index : index + 3] = gains
-        row[RATE_LIMIT_I : RATE_LIMIT_I + 3] = rates.integral_limit
-        row[GYRO_CUTOFF], row[DGYRO_CUTOFF] = rates.gyro_cutoff_hz, rates.dgyro_cutoff_hz
-        row[YAW_TORQUE_CUTOFF] = rates.yaw_torque_cutoff_hz
-        row[MAGNET_Z], row[FOOTPRINT_RADIUS] = self.contact.magnet_below, self.contact.footprint_radius
+        row[airframe_row.RATE_LIMIT_I : airframe_row.RATE_LIMIT_I + 3] = rates.integral_limit
+        row[airframe_row.GYRO_CUTOFF], row[airframe_row.DGYRO_CUTOFF] = rates.gyro_cutoff_hz, rates.dgyro_cutoff_hz
+        row[airframe_row.YAW_TORQUE_CUTOFF] = rates.yaw_torque_cutoff_hz
+        row[airframe_row.MAGNET_Z], row[airframe_row.FOOTPRINT_RADIUS] = (
+            self.contact.magnet_below,
+            self.contact.footprint_radius,
+        )
         return row
-
-    def randomised(
-        self, stream: np.ndarray, mass: float = 0.30, inertia: float = 0.10, twr: float = 0.15
-    ) -> np.ndarray:
-        """A params row with mass, inertia and thrust-to-weight drawn independently (paper App. "Domain Randomization").
-
-        The arguments are half-widths relative to nominal. Full thrust is drawn thrust-to-weight x drawn weight, so what
-        a command yields per kilogram scales with thrust-to-weight alone; HOVER_THRUST stays nominal, because the
-        controller does not know. Drawing order: mass, one factor for the whole inertia, thrust-to-weight.
-        """
-        return randomise_row(self.params_row(), stream, mass, inertia, twr)
-
-
-def randomise_row(nominal: np.ndarray, stream: np.ndarray, mass: float, inertia: float, twr: float) -> np.ndarray:
-    """`Airframe.randomised` for a params row (NP,); returns a new row."""
-    row = nominal.copy()
-    mass_factor = uniform(stream, 1.0 - mass, 1.0 + mass)
-    inertia_factor = uniform(stream, 1.0 - inertia, 1.0 + inertia)
-    twr_factor = uniform(stream, 1.0 - twr, 1.0 + twr)
-    row[MASS] *= mass_factor
-    row[INERTIA : INERTIA + 3] *= inertia_factor
-    row[MOTOR_THRUST] *= mass_factor * twr_factor
-    return row
 
 
 def list_airframes() -> list[str]:

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from kernel.jit import njit
+from vehicle.camera import camera_row
 from vehicle.render.pose import board_in_camera_at, face_from_pixel
 
 MAX_SAMPLES = 32
@@ -65,7 +66,7 @@ def face_box(vehicle, board, exposure, cam, half, width, height, box):
             if qz < 0.01:
                 clipped = True
                 continue
-            u, v = cam[0] * qx / qz + cam[2], cam[1] * qy / qz + cam[3]
+            u, v = cam[camera_row.FX] * qx / qz + cam[camera_row.CX], cam[camera_row.FY] * qy / qz + cam[camera_row.CY]
             u0, v0, u1, v1 = min(u0, u), min(v0, v), max(u1, u), max(v1, v)
             if moment == 1 and not clipped:
                 blur = max(blur, math.hypot(u - start[corner, 0], v - start[corner, 1]))

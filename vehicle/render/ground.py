@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from kernel.jit import njit
-from vehicle.camera.pinhole import CX, CY, FX, FY
+from vehicle.camera import camera_row
 
 TEXEL = 0.01  # m
 _SIDE = 1024  # texels; the pattern repeats after about ten metres
@@ -75,9 +75,9 @@ def draw_ground(out, R, p, cam, step, pyramid, begin):
     texels = camera_height / TEXEL
     index = np.empty(_RUN, np.int32)
     for v in range(height):
-        ry = ((v + 0.5) * step - 0.5 - cam[CY]) / cam[FY]
-        rx = (0.5 * step - 0.5 - cam[CX]) / cam[FX]
-        dx = step / cam[FX]
+        ry = ((v + 0.5) * step - 0.5 - cam[camera_row.CY]) / cam[camera_row.FY]
+        rx = (0.5 * step - 0.5 - cam[camera_row.CX]) / cam[camera_row.FX]
+        dx = step / cam[camera_row.FX]
         # s = depth below the camera along the ray (positive: meets the ground); position = p + h * ray / s
         s0 = -(R[2, 0] * rx + R[2, 1] * ry + R[2, 2])
         x0 = R[0, 0] * rx + R[0, 1] * ry + R[0, 2]

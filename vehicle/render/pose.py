@@ -12,9 +12,10 @@ import numpy as np
 
 from kernel.jit import njit
 from kernel.rotations import integrate, to_matrix
-from vehicle.camera.pinhole import CX, CY, FX, FY, OFFSET_X, OFFSET_Y, OFFSET_Z, TILT
+from vehicle.camera import camera_row
+from vehicle.quadrotor import state_row
 
-MOTION_DIM = 13
+MOTION_DIM = state_row.W + 3
 
 
 def motion_row(position, orientation, velocity=(0.0, 0.0, 0.0), body_rate=(0.0, 0.0, 0.0)) -> np.ndarray:
@@ -22,27 +23,32 @@ def motion_row(position, orientation, velocity=(0.0, 0.0, 0.0), body_rate=(0.0, 
     row = np.array([*position, *velocity, *orientation, *body_rate], dtype=np.float64)
     if row.shape != (MOTION_DIM,) or not np.all(np.isfinite(row)):
         raise ValueError(f"a motion row needs 3 + 3 + 4 + 3 finite numbers, not {row}")
-    length = np.linalg.norm(row[6:10])
+    length = np.linalg.norm(row[state_row.Q : state_row.W])
     if abs(length - 1.0) > 1e-3:
         raise ValueError(f"orientation must be a unit quaternion w x y z; this one has length {length:.4f}")
-    row[6:10] /= length
+    row[state_row.Q : state_row.W] /= length
     return row
 
 
 @njit
 def _rotation_at(row, t):
     """World-from-body matrix (3, 3) of a motion row t seconds later, body rate held constant."""
-    return to_matrix(integrate((row[6], row[7], row[8], row[9]), row[10], row[11], row[12], t))
+    q, w = state_row.Q, state_row.W
+    return to_matrix(integrate((row[q], row[q + 1], row[q + 2], row[q + 3]), row[w], row[w + 1], row[w + 2], t))
 
 
 @njit
 def camera_at(vehicle, t, cam, R, p):
     """Camera t seconds from a vehicle's motion row: `R` (3, 3) world from optical and `p` (3,) m, written in place."""
     body = _rotation_at(vehicle, t)
-    c, s = math.cos(cam[TILT]), math.sin(cam[TILT])
+    c, s = math.cos(cam[camera_row.TILT]), math.sin(cam[camera_row.TILT])
     for i in range(3):
-        p[i] = vehicle[i] + t * vehicle[3 + i]
-        p[i] += body[i, 0] * cam[OFFSET_X] + body[i, 1] * cam[OFFSET_Y] + body[i, 2] * cam[OFFSET_Z]
+        p[i] = vehicle[state_row.P + i] + t * vehicle[state_row.V + i]
+        p[i] += (
+            body[i, 0] * cam[camera_row.OFFSET_X]
+            + body[i, 1] * cam[camera_row.OFFSET_Y]
+            + body[i, 2] * cam[camera_row.OFFSET_Z]
+        )
         R[i, 0] = -body[i, 1]
         R[i, 1] = -s * body[i, 0] - c * body[i, 2]
         R[i, 2] = c * body[i, 0] - s * body[i, 2]
@@ -56,7 +62,7 @@ def board_in_camera_at(vehicle, board, t, cam, R, p):
     for i in range(3):
         p[i] = 0.0
         for j in range(3):
-            p[i] += camera_R[j, i] * (board[j] + t * board[3 + j] - camera_p[j])
+            p[i] += camera_R[j, i] * (board[state_row.P + j] + t * board[state_row.V + j] - camera_p[j])
             R[i, j] = camera_R[0, i] * board_R[0, j] + camera_R[1, i] * board_R[1, j] + camera_R[2, i] * board_R[2, j]
 
 
@@ -77,6 +83,6 @@ def face_from_pixel(R, p, cam, out):
         return 0.0
     for i in range(3):
         a, b, c = out[i, 0] / det, out[i, 1] / det, out[i, 2] / det
-        out[i, 0], out[i, 1] = a / cam[FX], b / cam[FY]
-        out[i, 2] = c - a * cam[CX] / cam[FX] - b * cam[CY] / cam[FY]
+        out[i, 0], out[i, 1] = a / cam[camera_row.FX], b / cam[camera_row.FY]
+        out[i, 2] = c - a * cam[camera_row.CX] / cam[camera_row.FX] - b * cam[camera_row.CY] / cam[camera_row.FY]
     return det

@@ -15,6 +15,7 @@ from groundcar.board.layout import Board
 from kernel.random import stream
 from kernel.rotations import to_matrix
 from vehicle.camera.pinhole import Camera
+from vehicle.quadrotor import state_row
 from vehicle.render.board import MAX_SAMPLES, draw_face, face_box, face_texture
 from vehicle.render.ground import draw_ground, ground_pyramid
 from vehicle.render.pose import MOTION_DIM, camera_at
@@ -60,8 +61,8 @@ class Renderer:
             raise ValueError(f"exposure is {exposure_ns} ns; it cannot be negative")
         R, p = np.empty((3, 3)), np.empty(3)
         camera_at(vehicle, 0.0, self._cam, R, p)
-        board_R = to_matrix(board[6:10])
-        self._draw_background(R, p, board[:3], board_R)
+        board_R = to_matrix(board[state_row.Q : state_row.W])
+        self._draw_background(R, p, board[state_row.P : state_row.V], board_R)
         self._draw_board(R, p, vehicle, board, board_R, exposure_ns * 1e-9)
         picture = np.empty_like(self._light)
         sensor = self.sensor
@@ -80,7 +81,14 @@ class Renderer:
         self, R: np.ndarray, p: np.ndarray, vehicle: np.ndarray, board: np.ndarray, board_R: np.ndarray, exposure: float
     ) -> None:
         camera, size = self.camera, self.board.size
-        draw_faces(self._light, *slab_faces(board[:3], board_R, size, self.board.thickness), R, p, self._cam, 1)
+        draw_faces(
+            self._light,
+            *slab_faces(board[state_row.P : state_row.V], board_R, size, self.board.thickness),
+            R,
+            p,
+            self._cam,
+            1,
+        )
         box = np.empty(4, np.int64)
         blur, seen = face_box(vehicle, board, exposure, self._cam, size / 2, camera.width, camera.height, box)
         if not seen:

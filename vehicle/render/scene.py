@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from kernel.jit import njit
-from vehicle.camera.pinhole import CX, CY, FX, FY
+from vehicle.camera import camera_row
 
 _NEAR = 0.02  # m
 _SHIFT = 4  # sub-pixel bits of OpenCV's polygon fill
@@ -93,8 +93,8 @@ def _project_faces(faces, R, p, cam, step, points, counts):
                         continue
                     k = (_NEAR - a[2]) / (b[2] - a[2])
                     x, y, z = a[0] + k * (b[0] - a[0]), a[1] + k * (b[1] - a[1]), _NEAR
-                points[f, n, 0] = (cam[FX] * x / z + cam[CX] + 0.5) / step - 0.5
-                points[f, n, 1] = (cam[FY] * y / z + cam[CY] + 0.5) / step - 0.5
+                points[f, n, 0] = (cam[camera_row.FX] * x / z + cam[camera_row.CX] + 0.5) / step - 0.5
+                points[f, n, 1] = (cam[camera_row.FY] * y / z + cam[camera_row.CY] + 0.5) / step - 0.5
                 # OpenCV's fill takes 16.4 fixed point
                 inside = inside and abs(points[f, n, 0]) < 30000.0 and abs(points[f, n, 1]) < 30000.0
                 n += 1

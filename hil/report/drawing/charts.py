@@ -64,7 +64,7 @@ class Pack:
         """Pack a plot; returns the id of the element the page puts it in."""
         series = []
         for s in plot.series:
-            keep = thin(recorded, s.t, every=s.style != "dots")
+            keep = thin(recorded, s.t, s.y, every=s.style != "dots")
             keep = keep[np.argsort(s.t[keep], kind="stable")]  # the page searches in them
             t, y = recorded.seconds(s.t[keep]), s.y[keep]
             series.append(
@@ -90,24 +90,30 @@ class Pack:
         return {"arrays": self._arrays, "plots": self.plots}
 
 
-def thin(recorded: Recorded, t: np.ndarray, *, every: bool = True) -> np.ndarray:
+def thin(recorded: Recorded, t: np.ndarray, y: np.ndarray | None = None, *, every: bool = True) -> np.ndarray:
     """Indices of the samples worth drawing: about 140 Hz from 2 s before the car drives to the end (of its last
     minute if it is longer), at most 10 Hz elsewhere.
 
+    Of the samples that fall together the first is drawn, with `y` its least and its greatest: no peak is lost.
     `every` False keeps them all (single dots mean something each).
     """
     if not every or len(t) == 0:
         return np.arange(len(t))
     start, end = recorded.window_ns
-    stages = recorded.topics.get("run/stage")
-    driving = [m.car_start_ns for m in stages.messages if m.car_start_ns] if stages else []
-    first = min([start, *driving[:1]]) - 2_000_000_000
+    driving: np.ndarray | list[int] = []
+    if "run/stage" in recorded.topics:
+        driving = recorded.topics["run/stage"].nanoseconds("car_start_ns")
+        driving = driving[driving != 0][:1]
+    first = min([start, *map(int, driving)]) - 2_000_000_000
     first = max(first, end - _FINE_SPAN_NS)
     coarse = max(_COARSE_S, (recorded.span_ns[1] - recorded.span_ns[0]) / 1e9 / _COARSE_SAMPLES)
-    kept, last = [], -(2**62)
-    for i, now in enumerate(t.tolist()):
-        spacing = _FINE_S if first <= now <= end + 1_000_000_000 else coarse
-        if now - last >= spacing * 1e9 or now < last:
-            kept.append(i)
-            last = now
-    return np.array(kept, dtype=np.int64)
+    fine = (t >= first) & (t <= end + 1_000_000_000)
+    slot = t // np.where(fine, round(_FINE_S * 1e9), round(coarse * 1e9))
+    group = np.concatenate([[0], np.cumsum((np.diff(slot) != 0) | (np.diff(fine.astype(np.int8)) != 0))])
+    firsts = np.flatnonzero(np.diff(group, prepend=-1))
+    if y is None:
+        return firsts
+    order = np.lexsort((y, group))  # what is not finite comes last
+    lasts = np.append(firsts[1:], len(t)) - 1
+    greatest = np.maximum(firsts, lasts - np.add.reduceat(np.isnan(y).astype(np.int64), firsts))
+    return np.unique(order[np.concatenate([firsts, greatest])])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import heapq
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +20,8 @@ from hil.recording.recorder import PICTURES
 from hil.recording.runs import MANIFEST, RunError, open_run
 from hil.report.recorded.columns import Columns
 from hil.report.recorded.geometry import Approach, Motion, approach
-from hil.scoring.score import Score, Scorer
+from hil.report.recorded.read import read_columns
+from hil.scoring.score import SCORED, Score, Scorer
 from scenarios.spec import Scenario, Tolerance
 from vehicle.quadrotor.airframe import load_airframe
 
@@ -89,7 +92,8 @@ class Recorded:
     def decided_ns(self) -> int | None:
         """The instant the referee judged, or None."""
         contacts = self.topics.get("referee/contact")
-        return next((m.stamp_ns for m in contacts.messages if m.outcome != "ongoing"), None) if contacts else None
+        decided = np.flatnonzero(contacts["outcome"] != "ongoing") if contacts else []
+        return int(contacts.nanoseconds()[decided[0]]) if contacts and len(decided) else None
 
     @property
     def touched(self) -> bool:
@@ -169,20 +173,27 @@ def load(path: Path | str) -> Recorded:
     if not manifest:
         notes.append("no manifest beside this recording: scenario, rig, code and policy are unknown")
     scenario = _scenario(manifest, notes)
-    scorer = Scorer(scenario, int(manifest.get("seed") or 0)) if scenario else None
-    lists: dict[str, tuple[list[int], list[Any]]] = {}
-    for log_ns, topic, message in recording.messages([t for t in TOPICS if t != PICTURES]):
-        log, messages = lists.setdefault(topic, ([], []))
-        log.append(log_ns)
-        messages.append(message)
-        if scorer:
-            scorer(log_ns, topic, message)
-    if not lists:
+    topics = read_columns(recording, [t for t in TOPICS if t != PICTURES])
+    if not topics:
         raise RunError(f"{path}: holds no message that can be read{_because(recording)}")
-    topics = {topic: Columns(*pair) for topic, pair in lists.items()}
     name = folder.resolve().name if manifest else path.name
-    rescored = scorer.result() if scorer else None
+    rescored = _rescored(scenario, int(manifest.get("seed") or 0), topics) if scenario else None
     return Recorded(path, name, recording, manifest, score, scenario, topics, rescored, live, notes)
+
+
+def _rescored(scenario: Scenario, seed: int, topics: dict[str, Columns]) -> Score:
+    scorer = Scorer(scenario, seed)
+    lanes = [_lane(topic, topics[topic]) for topic in SCORED if topic in topics]
+    for log_ns, topic, message in heapq.merge(*lanes, key=lambda entry: entry[0]):
+        scorer(log_ns, topic, message)
+    return scorer.result()
+
+
+def _lane(topic: str, columns: Columns) -> Iterator[tuple[int, str, Any]]:
+    chosen = np.arange(len(columns))
+    if topic == "referee/contact":  # the scorer waits for the first that decides
+        chosen = np.flatnonzero(columns["outcome"] != "ongoing")[:1]
+    return ((int(columns.log_ns[i]), topic, columns.messages[i]) for i in chosen.tolist())
 
 
 def _because(recording: Recording) -> str:

@@ -13,6 +13,7 @@ from hil.report.recorded.geometry import Motion, at, axes
 from hil.report.sections.scene import scene
 
 _MARK_NS = 250_000_000
+_MOST_POINTS = 4000
 
 
 def build(recorded: Recorded) -> Section:
@@ -59,7 +60,9 @@ def build(recorded: Recorded) -> Section:
 
 def _cut(motion: Motion, start: int, end: int) -> Motion | None:
     keep = (motion.t >= start) & (motion.t <= end)
-    return Motion(*(part[keep] for part in motion)) if keep.sum() > 1 else None
+    chosen = np.flatnonzero(keep)
+    chosen = chosen[:: max(1, len(chosen) // _MOST_POINTS)]
+    return Motion(*(part[chosen] for part in motion)) if len(chosen) > 1 else None
 
 
 def _direction(vehicle: Motion, board: Motion | None) -> np.ndarray:

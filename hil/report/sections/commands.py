@@ -73,7 +73,7 @@ def _both(plot: TimePlot, recorded: Recorded, asked: Columns | None, sent: Colum
             heard &= asked.nanoseconds() <= recorded.decided_ns
         plot.add("asked", ASKED, asked.nanoseconds(), np.where(heard, values(asked), np.nan), "dash")
     if sent is not None:
-        went = np.array([not m.tripped for m in sent.messages])
+        went = sent["tripped"] == ""
         plot.add("sent", VEHICLE, sent.nanoseconds(), np.where(went, values(sent), np.nan), "step")
         limited = sent["limited"] > 0
         if limited.any():
@@ -102,12 +102,11 @@ def _keep(plot: TimePlot, recorded: Recorded, limit: Any, low: float | None = No
 
 def _counts(section: Section, recorded: Recorded, sent: Columns) -> None:
     chosen = recorded.during(sent.nanoseconds())
-    during = [m for m, keep in zip(sent.messages, chosen, strict=True) if keep]
-    trips = [m for m in sent.messages if m.tripped]
-    went = [m for m in during if not m.tripped]
+    went = chosen & (sent["tripped"] == "")
+    trips = [sent.messages[i] for i in np.flatnonzero(sent["tripped"] != "").tolist()]
     rows: list[tuple[object, ...]] = [
-        ("commands sent during the attempt", len(went)),
-        ("of them limited by the gate", sum(m.limited for m in went)),
+        ("commands sent during the attempt", int(went.sum())),
+        ("of them limited by the gate", int((sent["limited"][went] > 0).sum())),
     ]
     rows += [(f"gate tripped at {recorded.seconds(m.stamp_ns):.3f} s", m.tripped) for m in trips]
     if not trips:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from hil.report.drawing.charts import BAD, BELIEF, BOARD, MUTED, SEEN, VEHICLE, TimePlot
-from hil.report.drawing.section import Section
+from hil.report.drawing.section import Section, table
+from hil.report.recorded.columns import Columns
 from hil.report.recorded.flight import Recorded
 from hil.report.recorded.geometry import Motion, at, axes, nose_up_deg
 
 # Indices of the state in Belief.variance: x, y, z, heading, speed, turn rate, inclination, acceleration, heading bias.
-_X, _Y, _Z, _SPEED = 0, 1, 2, 4
+_X, _Y, _Z = 0, 1, 2
+_CHI2_95 = 7.815  # 95 % quantile of chi-squared with three degrees of freedom
 
 
 def build(recorded: Recorded) -> Section:
@@ -50,6 +52,7 @@ def _belief(section: Section, recorded: Recorded, truth: Motion) -> None:
         plot.add("", MUTED, t, only(-two_sigma), "dash")
     _settle(plot, 0.6)
     section.plot(plot)
+    _consistency(section, recorded, truth)
 
     detections = recorded.topics.get("board/detection")
     if detections is not None and (detections["found"] > 0).any():
@@ -77,6 +80,59 @@ def _belief(section: Section, recorded: Recorded, truth: Motion) -> None:
     plot.add("estimate", BELIEF, t, only(belief["speed"]))
     plot.add("truth", BOARD, t, along, "dash")
     section.plot(plot)
+
+
+def _consistency(section: Section, recorded: Recorded, truth: Motion) -> None:
+    """NEES and NIS of the position, each divided by its three dimensions: 1 on average if the filter is consistent.
+
+    Bar-Shalom, Li, Kirubarajan 2001, sec. 5.4, with the recorded diagonals in place of the whole covariances.
+    """
+    belief = recorded.topics["belief"]
+    variance = belief["variance"]
+    if variance.ndim != 2 or variance.shape[1] <= _Z:
+        section.lost.append(("NEES and NIS of the board's position", "the belief holds no variance"))
+        return
+    t, known = belief.nanoseconds(), belief["valid"] > 0
+    spread = np.where(known[:, None] & (variance[:, [_X, _Y, _Z]] > 0), variance[:, [_X, _Y, _Z]], np.nan)
+    nees = ((belief["position"] - at(truth, t).position) ** 2 / spread).mean(axis=1)
+    plot = TimePlot("consistency", "Consistency of the board's position: NEES and NIS per dimension", "1", height=120)
+    plot.add("NEES", BELIEF, t, nees)
+    nis, exposed = np.empty(0), np.empty(0, dtype=np.int64)
+    detections = recorded.topics.get("board/detection")
+    if detections is not None and (detections["found"] > 0).any() and len(t) > 1:
+        found = detections["found"] > 0
+        exposed = detections.nanoseconds()[found]
+        before = np.clip(np.searchsorted(t, exposed, side="right") - 1, 0, None)  # the belief without this detection
+        moved = belief["position"][before] + _velocity(belief)[before] * ((exposed - t[before]) / 1e9)[:, None]
+        sigma = detections["position_sigma"][found][:, None]
+        nis = ((detections["position"][found] - moved) ** 2 / (spread[before] + sigma**2)).mean(axis=1)
+        plot.add("NIS", SEEN, exposed, nis, "dots")
+    plot.lines.append((1.0, "consistent"))
+    values = np.concatenate([nees, nis])
+    high = values[np.isfinite(values)]
+    if len(high):
+        plot.fixed = (0.0, float(max(2.0, min(high.max(), 20.0))))
+    section.plot(plot)
+    rows: list[tuple[object, ...]] = []
+    for name, when, values in (("NEES", t, nees), ("NIS", exposed, nis)):
+        chosen = values[recorded.during(when) & np.isfinite(values)] if len(values) else values
+        if len(chosen):
+            within = f"{100 * np.mean(chosen <= _CHI2_95 / 3):.0f} %"
+            rows.append((name, len(chosen), f"{chosen.mean():.2f}", f"{np.median(chosen):.2f}", within))
+    if rows:
+        head = ("position, during the attempt", "n", "mean (1)", "median (0.79)", "within the 95 % bound (95 %)")
+        section.html(table(head, rows, "narrow"))
+        section.text(
+            "In brackets: a consistent filter. Not in the filter's model: errors that last for seconds, alike in "
+            "consecutive pictures. The tilt of the camera mount, and the odometry's attitude, move each detection by "
+            "their error times the distance to the board; the filter takes the errors of detections as independent."
+        )
+
+
+def _velocity(belief: Columns) -> np.ndarray:
+    """The board's believed velocity (n, 3), m/s, world."""
+    heading, speed = belief["heading"], belief["speed"]
+    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), np.zeros(len(speed))])
 
 
 def _odometry(section: Section, recorded: Recorded, truth: Motion) -> None:

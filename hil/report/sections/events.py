@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from hil.report.drawing.section import Section, table
@@ -28,9 +29,9 @@ def marks(recorded: Recorded) -> list[Mark]:
     for message in events.messages if events else ():
         found.append(Mark(message.stamp_ns, message.severity, f"{message.source}: {message.text}"))
     sent = recorded.topics.get("vehicle/sent")
-    for message in sent.messages if sent else ():
-        if message.tripped:
-            found.append(Mark(message.stamp_ns, "trip", f"gate tripped: {message.tripped}", "gate"))
+    if sent:
+        for i in np.flatnonzero(sent["tripped"] != "").tolist():
+            found.append(Mark(int(sent.nanoseconds()[i]), "trip", f"gate tripped: {sent['tripped'][i]}", "gate"))
     if recorded.decided_ns is not None:
         word = "contact" if recorded.touched else "end"
         found.append(Mark(recorded.decided_ns, "contact", f"the referee decides here: {word}", word))
@@ -41,11 +42,12 @@ def phases(recorded: Recorded) -> list[tuple[int, int, str]]:
     """(start, end, name) of the run's stages, the attempt split into the policy's own phases."""
     changes: list[tuple[int, str]] = []
     stages, actions = recorded.topics.get("run/stage"), recorded.topics.get("policy/action")
-    for message in stages.messages if stages else ():
-        changes.append((message.stamp_ns, message.name))
+    if stages:
+        changes += zip(stages.nanoseconds().tolist(), stages["name"].tolist(), strict=True)
     if actions:
         end = recorded.decided_ns or recorded.window_ns[1]
-        spoken = [(m.stamp_ns, m.phase) for m in actions.messages if m.phase and m.stamp_ns <= end]
+        told = zip(actions.nanoseconds().tolist(), actions["phase"].tolist(), strict=True)
+        spoken = [(t, phase) for t, phase in told if phase and t <= end]
         if spoken:
             first, last = spoken[0][0], spoken[-1][0]
             changes = [c for c in changes if c[0] < first or c[0] > last] + spoken

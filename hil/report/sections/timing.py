@@ -23,7 +23,7 @@ def build(recorded: Recorded) -> Section:
         hz = topic.hz
         if name == "board/detection" and recorded.scenario:
             hz = recorded.scenario.camera.rate
-        log = columns.log_ns[recorded.during(columns.log_ns)]
+        log = columns.published_ns[recorded.during(columns.published_ns)]
         if len(log) < 2:
             rows.append((name, f"{hz:g}", len(log), "–", "–", "–"))
             continue

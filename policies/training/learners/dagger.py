@@ -20,10 +20,11 @@ from torch import Tensor
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.network.actor_critic import FORESEEN, Actor, NetworkConfig
-from policies.task.contact import OUTCOME, SUCCESS
+from policies.task import result_row
+from policies.task.contact import SUCCESS
 from policies.task.observation import NEWEST, OBS_DIM
 from policies.teachers.params import ExpertParams
-from policies.teachers.planner import BELIEF, FORESIGHT, PlannerTeacher
+from policies.teachers.planner import BELIEF, PlannerTeacher
 from policies.teachers.teacher import Teacher
 from policies.training.learners import parallel
 from policies.training.learners.storage import TrainingError, env_state, load_env
@@ -37,8 +38,8 @@ class DaggerConfig:
     `teacher_floor` over `teacher_fade` samples. `noise`: one-sigma added to the student's actions while collecting.
     `near`: extra weight of a sample close to the board. `ignore`: s before the teacher's contact without labels.
     `foresee`: weight of the auxiliary loss that makes the trunk foretell where the board will be. `average`: decay of
-    the averaged weights, which are what flies. `teacher`: how the expert plans. `planner`: what the planner knows that
-    teaches in its place, FORESIGHT or BELIEF (see `env_planner.PlannerTeacher`); empty: the expert teaches. Over boards
+    the averaged weights, which are what flies. `teacher`: how the expert plans. `planner`: BELIEF if the planner
+    teaches in its place (see `PlannerTeacher`); empty: the expert teaches. Over boards
     steeper than `keep` deg nobody teaches: the student goes on doing what it did when the run began."""
 
     samples: int = 8_000_000
@@ -61,8 +62,8 @@ class DaggerConfig:
     teacher: ExpertParams = field(default_factory=ExpertParams)
 
     def __post_init__(self) -> None:
-        if self.planner not in ("", FORESIGHT, BELIEF):
-            raise ValueError(f"planner is '{self.planner}'; it is '{FORESIGHT}', '{BELIEF}' or empty")
+        if self.planner not in ("", BELIEF):
+            raise ValueError(f"planner is '{self.planner}'; it is '{BELIEF}' or empty")
         if not 0.0 <= self.keep <= 90.0:
             raise ValueError(f"keep is {self.keep}; give an inclination from 0 to 90 deg")
 
@@ -121,7 +122,7 @@ class Dagger:
         self.rng = np.random.default_rng([env.seed, 1])
         self.env = Env(env)
         self.env.reset()
-        self.teacher = PlannerTeacher(self.env, config.planner) if config.planner else Teacher(self.env, config.teacher)
+        self.teacher = PlannerTeacher(self.env) if config.planner else Teacher(self.env, config.teacher)
         self.replay = Replay(min(config.replay, config.samples))
         self.samples = 0
 
@@ -141,7 +142,7 @@ class Dagger:
         loss = float(np.mean([self._learn() for _ in range(c.batches)]))
         rows = self.env.tally.rows
         self.env.tally.__init__()
-        success = float((rows[:, OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan
+        success = float((rows[:, result_row.OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan
         return {"samples": self.samples, "loss": loss, "teacher": share, "success": success, "rate": rate}
 
     def _collect(self, share: float) -> None:

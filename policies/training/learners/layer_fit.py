@@ -20,8 +20,9 @@ from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.network.regimes import AFAR
-from policies.task.contact import OUTCOME, SUCCESS
-from policies.teachers.planner import BELIEF, PlannerTeacher
+from policies.task import result_row
+from policies.task.contact import SUCCESS
+from policies.teachers.planner import PlannerTeacher
 from policies.training.learners import parallel
 from policies.training.learners.storage import TrainingError, env_state, load_env
 
@@ -79,8 +80,9 @@ class LayerFit:
         self.rng = np.random.default_rng([env.seed, 4])
         self.env = Env(env)
         self.env.reset()
-        run_up = {name: getattr(config, name) for name in ("run_accel", "run_away", "run_swing", "run_turn")}
-        self.teacher = PlannerTeacher(self.env, BELIEF, run_up)
+        names = {"run_accel": "acceleration", "run_away": "away", "run_swing": "slow_share", "run_turn": "turn"}
+        run_up = {f"run_up.{path}": getattr(config, name) for name, path in names.items()}
+        self.teacher = PlannerTeacher(self.env, run_up)
         self.samples = 0
 
     @property
@@ -95,7 +97,7 @@ class LayerFit:
         self.samples += round(parallel.mean(self.config.horizon * self.env.config.count))
         error = self._solve(parallel.summed(flown))
         rows = self.env.tally.rows
-        success = parallel.mean(float((rows[:, OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan)
+        success = parallel.mean(float((rows[:, result_row.OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan)
         return {"samples": self.samples, "success": success, "error": error}
 
     def _collect(self) -> Tensor:

@@ -23,16 +23,8 @@ from policies.environment.env import Env
 from policies.environment.rows import E_STEPS, Rows
 from policies.evaluation.evaluate import IMPACT_BAND
 from policies.network.actor_critic import Actor, NetworkConfig
-from policies.task.contact import (
-    NORMAL_ERROR,
-    NORMAL_SPEED,
-    OUTCOME,
-    PLANAR,
-    SUCCESS,
-    TANGENTIAL_SPEED,
-    TOUCHED,
-    ContactRules,
-)
+from policies.task import result_row
+from policies.task.contact import SUCCESS, ContactRules
 from policies.training.learners import parallel
 from policies.training.learners.pgpe_flights import STRAIGHT, Act, fly_near, fly_out, rather_turning
 from policies.training.learners.pgpe_space import HeadSpace
@@ -83,15 +75,15 @@ class PgpeConfig:
 
 def score(ended: np.ndarray, rules: ContactRules, config: PgpeConfig) -> np.ndarray:
     """How well flights ended ((K, ENDED_DIM), see env_rows), (K,) from 0 to 1; see `PgpeConfig`."""
-    share = (ended[:, TOUCHED] > 0.0).astype(np.float64)
+    share = (ended[:, result_row.TOUCHED] > 0.0).astype(np.float64)
     for column, limit in (
-        (PLANAR, rules.delta_d),
-        (TANGENTIAL_SPEED, rules.delta_v),
-        (NORMAL_ERROR, rules.delta_theta),
+        (result_row.PLANAR, rules.delta_d),
+        (result_row.TANGENTIAL_SPEED, rules.delta_v),
+        (result_row.NORMAL_ERROR, rules.delta_theta),
     ):
         margin = np.clip((1.0 - ended[:, column] / limit) / config.soft, -40.0, 40.0)
         share /= 1.0 + np.exp(-margin)
-    hard = np.maximum(0.0, -ended[:, NORMAL_SPEED] - IMPACT_BAND[1])
+    hard = np.maximum(0.0, -ended[:, result_row.NORMAL_SPEED] - IMPACT_BAND[1])
     return share * np.maximum(0.0, 1.0 - config.hard * hard - config.late * TICK * ended[:, E_STEPS])
 
 
@@ -146,7 +138,7 @@ class Pgpe:
         self._move(gradient)
         return {
             "samples": self.samples,
-            "success": parallel.mean(float((ended[:, OUTCOME] == SUCCESS).mean())),
+            "success": parallel.mean(float((ended[:, result_row.OUTCOME] == SUCCESS).mean())),
             "score": parallel.mean(float(scores.mean())),
             "slope": float(gradient.norm()),
             "moved": float(self.space.offset.detach().norm()),

@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from groundcar.motion.board_motion import TURN_RATE
+from groundcar.motion import board_row
 from kernel.random import stream
 from policies.environment.env import Env, advance
 from policies.environment.rows import S_STEP, Rows, Shared
-from vehicle.quadrotor.dynamics import P
+from vehicle.quadrotor import state_row
 
 Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Observations ((n, OBS_DIM)) and which episodes they are of ((n,) int) in, actions ((n, 4)) out."""
@@ -41,7 +41,7 @@ def fly_near(env: Env, act: Act, near: float) -> tuple[Rows, int]:
 
     def look(rows: Rows, which: np.ndarray, flying: np.ndarray) -> None:
         board = rows.track[np.arange(len(which)), rows.state[:, S_STEP].astype(np.int64), :3]
-        reached = flying & (np.linalg.norm(board - rows.vehicle[:, P : P + 3], axis=1) < near)
+        reached = flying & (np.linalg.norm(board - rows.vehicle[:, state_row.P : state_row.P + 3], axis=1) < near)
         for mine, theirs in zip(kept, rows, strict=True):
             mine[which[reached]] = theirs[reached]
         arrived[which[reached]] = True
@@ -57,7 +57,7 @@ def rather_turning(rows: Rows, turning: float, rng: np.random.Generator) -> Rows
     One in eight or so of those straight ahead is kept; all are if that would leave none.
     """
     here = np.arange(len(rows.done)), rows.state[:, S_STEP].astype(np.int64)
-    share = (np.abs(rows.track[here][:, TURN_RATE]) - STRAIGHT) / (turning - STRAIGHT)
+    share = (np.abs(rows.track[here][:, board_row.TURN_RATE]) - STRAIGHT) / (turning - STRAIGHT)
     kept = rng.random(len(rows.done)) < np.clip(share, _LEAST, 1.0)
     return copy_rows(rows, kept) if kept.any() else rows
 

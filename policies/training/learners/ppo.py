@@ -23,7 +23,8 @@ from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.environment.rows import FUTURE_DIM
 from policies.network.actor_critic import Actor, Critic, NetworkConfig
-from policies.task.contact import NORMAL_SPEED, OUTCOME, SUCCESS
+from policies.task import result_row
+from policies.task.contact import SUCCESS
 from policies.task.observation import OBS_DIM
 from policies.teachers.params import ExpertParams
 from policies.teachers.teacher import Teacher
@@ -133,7 +134,7 @@ class Ppo:
         numbers = self._learn(last_value)
         rows = self.env.tally.rows
         self.env.tally.__init__()
-        good = rows[:, OUTCOME] == SUCCESS
+        good = rows[:, result_row.OUTCOME] == SUCCESS
         success = parallel.mean(float(good.mean()) if len(rows) else math.nan)
         if len(rows):
             share = min(1.0, len(rows) / 1000.0)
@@ -144,7 +145,7 @@ class Ppo:
             "samples": self.samples,
             "success": success,
             "reward": parallel.mean(float(self.rollout.reward.mean()) / self.config.reward_scale),
-            "normal_speed": float(-rows[good, NORMAL_SPEED].mean()) if good.any() else math.nan,
+            "normal_speed": float(-rows[good, result_row.NORMAL_SPEED].mean()) if good.any() else math.nan,
             "std": float(self.actor.log_std.exp().mean().detach()),
             "lead": self.lead,
             **numbers,

@@ -50,7 +50,7 @@ def test_a_changed_callee_is_recompiled_and_an_unchanged_one_is_not(package):
     assert run() == ["3.0", "0"]
 
 
-def test_so_it_is_in_a_file_that_belongs_to_no_package_of_the_house(package):
+def test_a_changed_callee_outside_the_project_s_packages_is_recompiled(package):
     helper, run = package
     (helper.parents[1] / "bench.py").write_text(CALLER)
     helper.write_text(HELPER.format(2.0))

@@ -112,13 +112,13 @@ def test_outside_of_arrays_nothing_changes(tmp_path):
         validate({"ovner": 1}, Store, "here")
 
 
-def test_where_no_word_is_close_the_sentence_ends():
+def test_nearest_gives_a_full_stop_without_a_close_word():
     with pytest.raises(ConfigError, match=r'unknown key "zzz"\. Allowed in the top level: '):
         validate({"zzz": 1}, Store, "here")
 
 
 @given(st.integers(0, 5), st.integers(0, 5), st.text("abcxyz", min_size=1, max_size=6))
-def test_the_place_is_counted_as_a_person_counts(box, part, key):
+def test_place_counts_from_one(box, part, key):
     if key in Part.model_fields:
         return
     parts = [{} for _ in range(part)] + [{key: 1}]
@@ -138,5 +138,5 @@ def test_the_place_is_counted_as_a_person_counts(box, part, key):
         ({}, ("a", 2, "b", 0), "a 3, b 1"),
     ],
 )
-def test_a_place_in_words(data, location, said):
+def test_place_names_arrays_and_titles(data, location, said):
     assert place(data, location) == said

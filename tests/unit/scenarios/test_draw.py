@@ -19,7 +19,7 @@ def test_equal_seeds_give_equal_numbers_and_others_do_not():
     assert set(differing) == {f.name for f in dataclasses.fields(a)} - {"scenario", "thrust_gain", "speed_phase"}
 
 
-def test_scenarios_with_one_seed_drive_different_splines():
+def test_equal_seeds_of_two_scenarios_give_different_splines():
     seeds = {draw(load(name), 0).spline_seed for name in list_scenarios()}
     assert len(seeds) == 6
 
@@ -31,7 +31,7 @@ def test_seeds_of_one_run_are_all_different():
     assert all(0 <= s < 2**63 for s in seeds)
 
 
-def test_a_quantity_does_not_move_when_another_range_changes():
+def test_changing_one_range_leaves_other_draws_unchanged():
     spec = load("hard-i")
     wider = spec.model_copy(update={"start": spec.start.model_copy(update={"distance": (2.0, 2.5)})})
     a, b = draw(spec, 3), draw(wider, 3)

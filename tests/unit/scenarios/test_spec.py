@@ -53,7 +53,7 @@ def test_speeds_agree_with_the_published_rows():
     assert (change.second, change.first) == published("real.hard-ii").platform_speed
 
 
-def test_normal_i_comes_from_behind_the_drone():
+def test_normal_i_starts_behind_the_vehicle():
     spec = load("normal-i")
     assert spec.start.anchor == "attempt_start"
     # the whole way driven before the attempt is longer than the farthest hover is behind the board
@@ -112,7 +112,7 @@ def test_a_fault_names_file_key_and_what_is_allowed(edited, name, old, new, part
         assert part in str(error.value)
 
 
-def test_every_fault_is_told_at_once(edited):
+def test_all_faults_are_reported_together(edited):
     path = edited("hard-i", "rate = 60.0", "rat = 60.0")
     with pytest.raises(ValueError) as error:
         load(path)
@@ -120,7 +120,7 @@ def test_every_fault_is_told_at_once(edited):
     assert '"camera.rate" is missing' in str(error.value)
 
 
-def test_missing_file_and_no_text(tmp_path):
+def test_missing_and_binary_files_are_refused(tmp_path):
     with pytest.raises(ValueError, match="cannot be read"):
         load(tmp_path / "nothing.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")

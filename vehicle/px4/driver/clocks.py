@@ -1,4 +1,4 @@
-"""The driver's two ideas of time: our clock against PX4's (TIMESYNC), and the time that timeouts are measured in."""
+"""The driver's two times: the offset between our clock and PX4's (TIMESYNC), and the time of its timeouts."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ _LONGEST_TRIP_NS = 500_000_000
 class ClockOffset:
     """Keeps `offset_ns` = PX4 time - our time, from the TIMESYNC answer that bounds it best.
 
-    An answer is off by no more than half its round trip when it comes, and by the drift of the clocks from then on.
-    The drift is at least what two answers prove whose bounds contradict each other: a simulated PX4 lags as it likes.
+    The error of an answer is at most half its round trip when it comes, and grows with the drift of the clocks. The
+    drift is at least the one that follows from two answers with contradicting bounds: a simulated PX4 may lag.
     """
 
     def __init__(self, drift: float = 1e-4, fixed_ns: int | None = None, window: int = 20) -> None:
-        """`drift`: how fast the clocks may part at least, s/s. `fixed_ns`: a known offset; answers are then ignored."""
+        """`drift`: lower bound of the clocks' relative drift, s/s. `fixed_ns`: a known offset, answers are ignored."""
         self._drift, self._fixed = drift, fixed_ns is not None
         self._samples: deque[tuple[int, int, int]] = deque(maxlen=window)
         self.offset_ns: int | None = fixed_ns
@@ -23,9 +23,9 @@ class ClockOffset:
         self.rejected = 0
 
     def add(self, sent_ns: int, px4_ns: int, now_ns: int) -> None:
-        """A TIMESYNC answer: we asked at `sent_ns`, PX4 stamped `px4_ns`, the answer is here at `now_ns`.
+        """A TIMESYNC answer: requested at `sent_ns`, stamped `px4_ns` by PX4, received at `now_ns`.
 
-        Answers to nothing we can have asked (negative or over-long round trips) are rejected and counted.
+        Answers with a negative or an over-long round trip are rejected and counted.
         """
         round_trip = now_ns - sent_ns
         if not 0 <= round_trip < _LONGEST_TRIP_NS:
@@ -47,7 +47,7 @@ class ClockOffset:
 
     @staticmethod
     def _proven(now_ns: int, round_trip: int, offset: int, old: tuple[int, int, int]) -> float:
-        """How fast the clocks must have parted for both answers to be true, s/s; at most 0 if they agree."""
+        """The least drift with which both answers are consistent, s/s; at most 0 if they agree."""
         then, trip, old_offset = old
         return (abs(offset - old_offset) - 0.5 * (trip + round_trip)) / max(1, now_ns - then)
 
@@ -56,27 +56,27 @@ class ClockOffset:
         return None if self.offset_ns is None else px4_ns - self.offset_ns
 
     def forget(self) -> None:
-        """PX4 has rebooted: nothing heard before counts."""
+        """PX4 has rebooted: earlier answers are not valid."""
         self._samples.clear()
         if not self._fixed:
             self.offset_ns = None
 
 
 class LinkTime:
-    """Time in which the driver waits: PX4's while its stamps come, ours while they do not.
+    """Time of the driver's timeouts: PX4's while its stamps come, ours while they do not.
 
-    A simulated PX4 runs slower than wall time on a busy machine; a timeout in wall time would give up on it.
+    A simulated PX4 runs slower than wall time on a busy machine; a timeout in wall time would expire too early.
     """
 
     def __init__(self) -> None:
         self.ns = 0
         self._our_ns: int | None = None
-        self._heard_ns = 0
+        self._received_ns = 0
         self._px4_ns: int | None = None
         self._gained_ns = 0
         self.reboots = 0
 
-    def heard(self, px4_ns: int) -> bool:
+    def receive(self, px4_ns: int) -> bool:
         """A stamp from PX4 (ns since its boot); True if PX4 has rebooted since the last one."""
         if self._px4_ns is None or px4_ns < self._px4_ns - 1_000_000_000:
             rebooted = self._px4_ns is not None
@@ -89,12 +89,12 @@ class LinkTime:
         return False
 
     def advance(self, now_ns: int) -> None:
-        """One step of the driver, after it has heard what there was."""
+        """One step of the driver, after it has processed the received frames."""
         passed = 0 if self._our_ns is None else max(0, now_ns - self._our_ns)
         self._our_ns = now_ns
         if self._gained_ns:
-            self._heard_ns = now_ns
+            self._received_ns = now_ns
             self.ns += self._gained_ns
             self._gained_ns = 0
-        elif self._px4_ns is None or now_ns - self._heard_ns > 1_000_000_000:
+        elif self._px4_ns is None or now_ns - self._received_ns > 1_000_000_000:
             self.ns += passed

@@ -1,9 +1,9 @@
-"""The driver of a PX4 autopilot, real or simulated, on any byte wire: from silence to body rates and back.
+"""The driver of a PX4 autopilot, real or simulated, on any byte wire: from the first HEARTBEAT to body rates and back.
 
 `step` never blocks and reads no clock. It takes the vehicle through the phases of `LinkOutput.phase`; PX4's mode is
-believed from CURRENT_MODE and HEARTBEAT only, because the first COMMAND_ACK of a mode change is always ACCEPTED.
-After the hand-over nothing is sent without a fresh command: silence is what the autopilot's failsafe waits for. PX4
-would return to OFFBOARD by itself when a stream resumes, so after a gap or a change of mode this driver stays silent.
+taken from CURRENT_MODE and HEARTBEAT only, because the first COMMAND_ACK of a mode change is always ACCEPTED. After
+the hand-over nothing is sent without a fresh command, because the autopilot's failsafe reacts to a missing stream.
+PX4 would return to OFFBOARD when a stream resumes; after a gap or a change of mode this driver therefore sends none.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Rates
 
 _KILL_NS = 100_000_000
 _TAKEN_OFF_M = 1.0  # above the ground; OFFBOARD takes over from the take-off here
-_STREAM_FIRST_S = 0.2  # of set-points before OFFBOARD is asked for
-_MANNED = ("takeoff", "goto", "hover", "handed_over", "interrupted", "hold")
+_STREAM_FIRST_S = 0.2  # of set-points before OFFBOARD is requested
+_IN_FLIGHT = ("takeoff", "goto", "hover", "handed_over", "interrupted", "hold")
 
 
 class Px4Link(GroundPhases):
@@ -31,16 +31,16 @@ class Px4Link(GroundPhases):
         super().__init__(wire, config)
         self._approach = Approach(config)
         self._learned = HoverThrust(config.hover_thrust, config.hover_thrust_tolerance)
-        self.hover_thrust = config.hover_thrust  # what a thrust of one g is sent as
+        self.hover_thrust = config.hover_thrust  # the normalised thrust that is sent for one g
         self._command_t = self._setpoint_t = 0
-        self._offboard = self._killing = False  # OFFBOARD has run; the motors shall stop
+        self._offboard = self._killing = False  # OFFBOARD has run; a kill was requested
         flight = ("arm", "takeoff", "goto", "hover", "handed_over", "interrupted", "hold", "released", "failed")
         self._steps: dict[str, Callable[[int], None]] = {
             name: getattr(self, f"_step_{name}") for name in (*BEFORE_FLIGHT, *flight)
         }
 
     def kill(self) -> None:
-        """Stop the motors at once, in the air or perched; repeated until the autopilot says it is disarmed."""
+        """Stop the motors at once, in the air or perched; repeated until the autopilot reports that it is disarmed."""
         self._killing = True
 
     def hold(self) -> None:
@@ -52,14 +52,14 @@ class Px4Link(GroundPhases):
         self._hand_back("released")
 
     def step(self, now_ns: int, command: Rates | None = None, external_pose: ExternalPose | None = None) -> LinkOutput:
-        """Hear the autopilot, move through the phases, send what is due. Call it at 100 Hz or faster.
+        """Process received frames, advance the phase, send what is due. Call it at 100 Hz or faster.
 
         `command` takes control over once hovering, and must then come every `gap_limit`. `external_pose` is passed on
         to PX4's estimator, at most at `external_pose_hz`.
         """
         self._notes = []
         self._send.begin(now_ns)
-        self._listen(now_ns)
+        self._receive(now_ns)
         self._routine(now_ns, external_pose)
         sent = None
         if self._killing:
@@ -72,10 +72,10 @@ class Px4Link(GroundPhases):
         return self._output(now_ns, sent, self._learned.value)
 
     def _take(self, command: Rates) -> float | None:
-        """Send a command if it may be; None if not."""
+        """Send a command if the phase allows it; returns the normalised thrust, or None."""
         finite = all(map(math.isfinite, (*command.body_rate, command.thrust)))
         if finite and self.phase in ("hover", "handed_over"):
-            self._watch_control()
+            self._check_control()
         if not finite or self.phase not in ("hover", "handed_over"):
             self.refused += 1
             return None
@@ -86,44 +86,44 @@ class Px4Link(GroundPhases):
         return self._send.rates(command, self.hover_thrust)
 
     def _hand_back(self, phase: str) -> None:
-        if self.phase in _MANNED and self.phase != phase:
+        if self.phase in _IN_FLIGHT and self.phase != phase:
             self._enter(phase)
 
     # phases
 
     def _step_takeoff(self, now_ns: int) -> None:
-        heard = self._heard
-        if heard.odometry is None:
+        autopilot = self._autopilot
+        if autopilot.odometry is None:
             return
-        height = heard.odometry.position[2] - self._ground_z
-        risen = heard.in_air and (height > _TAKEN_OFF_M or (heard.mode == px4.HOLD and height > 0.5))
+        height = autopilot.odometry.position[2] - self._ground_z
+        risen = autopilot.in_air and (height > _TAKEN_OFF_M or (autopilot.mode == px4.HOLD and height > 0.5))
         if risen or self._config.external_vision:  # the latter climbs in OFFBOARD from the ground
-            self._approach.begin(heard.odometry.position, heard.odometry.velocity)
+            self._approach.begin(autopilot.odometry.position, autopilot.odometry.velocity)
             self._setpoint_t, self._odometry_count = self._t, 0
             self._enter("goto")
-        elif not heard.armed:
+        elif not autopilot.armed:
             self._fail("the vehicle disarmed before it took off")
         elif self._elapsed(20.0):
             self._fail(f"the vehicle is only {height:.1f} m up, 20 s after arming")
-        elif heard.mode != px4.TAKEOFF and height < 0.5 and self._ask("take-off was refused"):
+        elif autopilot.mode != px4.TAKEOFF and height < 0.5 and self._ask("take-off was refused"):
             self._send.take_off()
 
     def _step_goto(self, now_ns: int) -> None:
-        heard, config = self._heard, self._config
+        autopilot, config = self._autopilot, self._config
         self._stream_position(now_ns)
-        self._offboard = self._offboard or heard.mode == px4.OFFBOARD
-        self._watch_control()
+        self._offboard = self._offboard or autopilot.mode == px4.OFFBOARD
+        self._check_control()
         if self.phase != "goto":
             return
         if not self._offboard:
             if self._elapsed(_STREAM_FIRST_S) and self._ask("OFFBOARD was refused"):
                 self._send.mode(px4.OFFBOARD)
-        elif self._stood() and self._learned.known:
+        elif self._settled() and self._learned.known:
             self._arrive()
-        elif self._elapsed(config.goto_limit) and heard.odometry is not None:
-            away = math.dist(heard.odometry.position, config.start[:3])
-            speed = math.hypot(*heard.odometry.velocity)
-            self._fail(f"no rest at the start after {config.goto_limit:g} s: {away:.2f} m away, {speed:.2f} m/s")
+        elif self._elapsed(config.goto_limit) and autopilot.odometry is not None:
+            away = math.dist(autopilot.odometry.position, config.start[:3])
+            speed = math.hypot(*autopilot.odometry.velocity)
+            self._fail(f"not at rest at the start after {config.goto_limit:g} s: {away:.2f} m away, {speed:.2f} m/s")
 
     def _arrive(self) -> None:
         complaint = self._learned.complaint()
@@ -138,35 +138,37 @@ class Px4Link(GroundPhases):
 
     def _step_hover(self, now_ns: int) -> None:
         self._stream_position(now_ns)
-        self._watch_control()
-        self._stood()
+        self._check_control()
+        self._settled()
 
     def _step_handed_over(self, now_ns: int) -> None:
-        """No command, nothing sent."""
-        self._watch_control()
+        """Without a command nothing is sent."""
+        self._check_control()
 
     def _step_interrupted(self, now_ns: int) -> None:
-        """Silence, so that the autopilot's failsafe, or whoever has taken over, flies."""
+        """Nothing is sent, so that the autopilot's failsafe, or the pilot who has taken over, flies."""
 
     def _step_hold(self, now_ns: int) -> None:
-        if self._heard.armed and self._heard.mode != px4.HOLD and self._ask("holding the position was refused"):
+        if self._autopilot.armed and self._autopilot.mode != px4.HOLD and self._ask("holding the position was refused"):
             self._send.mode(px4.HOLD)
 
     def _step_released(self, now_ns: int) -> None:
-        heard = self._heard
-        if not heard.armed:
-            if heard.mode != px4.HOLD and self._late():  # PX4 falls back to OFFBOARD, where it cannot be armed again
+        autopilot = self._autopilot
+        if not autopilot.armed:
+            if (
+                autopilot.mode != px4.HOLD and self._late()
+            ):  # PX4 falls back to OFFBOARD, where it cannot be armed again
                 self._asked = self._t
                 self._send.mode(px4.HOLD)
-        elif heard.mode != px4.LAND or heard.failsafe:  # a failsafe's landing would end when a stream resumes
+        elif autopilot.mode != px4.LAND or autopilot.failsafe:  # a failsafe's landing would end when a stream resumes
             if self._ask("landing was refused"):
                 self._send.mode(px4.LAND)
-        elif heard.landed_state == px4.Landed.ON_GROUND and self._elapsed(5.0) and self._late():
+        elif autopilot.landed_state == px4.Landed.ON_GROUND and self._elapsed(5.0) and self._late():
             self._asked = self._t
             self._send.disarm(force=False)
 
     def _step_failed(self, now_ns: int) -> None:
-        if self._ours and self._heard.armed and self._heard.mode != px4.LAND and self._late():
+        if self._ours and self._autopilot.armed and self._autopilot.mode != px4.LAND and self._late():
             self._asked = self._t
             self._send.mode(px4.LAND)
 
@@ -174,21 +176,21 @@ class Px4Link(GroundPhases):
         if self.phase != "killed":
             self._enter("killed")
         elif self._new_ack(ARM) == px4.Result.ACCEPTED:
-            self._heard.arming_answered(False, now_ns)
-        if self._asked is None or (self._heard.armed and self._t - self._asked >= _KILL_NS):
-            self._asked, self._acks_seen = self._t, self._heard.acks.get(ARM, (0, 0))[1]
+            self._autopilot.arming_answered(False, now_ns)
+        if self._asked is None or (self._autopilot.armed and self._t - self._asked >= _KILL_NS):
+            self._asked, self._acks_seen = self._t, self._autopilot.acks.get(ARM, (0, 0))[1]
             self._send.disarm(force=True)
 
-    # what they share
+    # shared by the phases
 
-    def _watch_control(self) -> None:
-        """Give control up for good if somebody else flies (a failsafe, a pilot) or commands have stopped."""
-        heard = self._heard
+    def _check_control(self) -> None:
+        """Give control up for good if the vehicle is flown by a failsafe or a pilot, or commands have stopped."""
+        autopilot = self._autopilot
         silent = self._t - self._command_t
-        if self._offboard and not heard.armed:
+        if self._offboard and not autopilot.armed:
             self._interrupt("the vehicle is disarmed")
-        elif self._offboard and heard.mode != px4.OFFBOARD:
-            self._interrupt(f"the autopilot is in {px4.mode_name(heard.mode)}")
+        elif self._offboard and autopilot.mode != px4.OFFBOARD:
+            self._interrupt(f"the autopilot is in {px4.mode_name(autopilot.mode)}")
         elif self.phase == "handed_over" and silent > self._config.gap_limit * SECOND:
             self._interrupt(f"no command for {silent / 1e9:.2f} s")
 
@@ -204,10 +206,10 @@ class Px4Link(GroundPhases):
         self._setpoint_t = self._t
         self._send.position(point, velocity, self._config.start[3])
 
-    def _stood(self) -> bool:
-        """Judge the hover and learn from it."""
-        stands = self._approach.stands(self._t, self._heard.odometry)
-        if self._approach.standing and self._offboard:
-            self._learned.add(self._heard.thrusts)
-        self._heard.thrusts.clear()
-        return stands
+    def _settled(self) -> bool:
+        """Judge the hover and learn the hover thrust from it."""
+        settled = self._approach.settled(self._t, self._autopilot.odometry)
+        if self._approach.at_rest and self._offboard:
+            self._learned.add(self._autopilot.thrusts)
+        self._autopilot.thrusts.clear()
+        return settled

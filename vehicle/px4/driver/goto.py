@@ -1,4 +1,4 @@
-"""The way from the take-off to the hover at the start: a smooth set-point, when the vehicle stands, what it weighs."""
+"""The way from the take-off to the hover at the start: smooth set-points, rest, hover thrust."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vehicle.px4.driver.types import LinkConfig, Odometry, Vec3
 
 _HEADING = 0.1  # rad, of the hover
 _ENOUGH = 5  # thrust samples
-_FEED_FORWARD = 0.7  # share of the set-point's velocity: all of it overshoots, as PX4's velocity loop lags too
+_FEED_FORWARD = 0.7  # share of the set-point's velocity: all of it overshoots, as PX4's velocity loop lags
 
 
 class Approach:
@@ -31,7 +31,7 @@ class Approach:
     def advance(self, seconds: float) -> tuple[Vec3, Vec3]:
         """Position and velocity set-point `seconds` later: straight to the start and to rest there.
 
-        Within goto_speed and goto_acceleration. The velocity feeds forward, so that the vehicle hardly lags behind.
+        Within goto_speed and goto_acceleration. The velocity feeds forward, so that the vehicle lags little.
         """
         config, goal = self._config, self._config.start[:3]
         here = goal if self._point is None else self._point
@@ -47,8 +47,8 @@ class Approach:
         ahead = _FEED_FORWARD * self._speed
         return self._point, (ahead * ux, ahead * uy, ahead * uz)
 
-    def stands(self, now_ns: int, vehicle: Odometry | None) -> bool:
-        """True once the vehicle has stood at the start for `hover_time`."""
+    def settled(self, now_ns: int, vehicle: Odometry | None) -> bool:
+        """True once the vehicle has been at rest at the start for `hover_time`."""
         config = self._config
         near = (
             vehicle is not None
@@ -64,20 +64,20 @@ class Approach:
         return now_ns - self._still_ns >= config.hover_time * 1e9
 
     @property
-    def standing(self) -> bool:
-        """True while within the tolerances, since however short a time."""
+    def at_rest(self) -> bool:
+        """True while within the tolerances, for any time."""
         return self._still_ns is not None
 
 
 class HoverThrust:
-    """The thrust that carries the vehicle, averaged over its hover from ATTITUDE_TARGET (stale in rate mode)."""
+    """Thrust that holds the vehicle's weight, averaged over its hover from ATTITUDE_TARGET (stale in rate mode)."""
 
     def __init__(self, expected: float, tolerance: float) -> None:
         self._expected, self._tolerance = expected, tolerance
         self.value, self.samples = 0.0, 0
 
     def add(self, thrusts: list[float]) -> None:
-        """New samples, all taken while the vehicle stood still. Weighs the last fifty or so."""
+        """New samples, all taken with the vehicle at rest. An average over about the last fifty."""
         for thrust in thrusts:
             self.samples += 1
             self.value += (thrust - self.value) / min(self.samples, 50)
@@ -88,10 +88,10 @@ class HoverThrust:
         return self.samples >= _ENOUGH
 
     def complaint(self) -> str:
-        """Why this cannot be the airframe its data describe; empty if it can."""
+        """Why the hover thrust does not match the airframe file; empty if it does."""
         if abs(self.value / self._expected - 1.0) <= self._tolerance:
             return ""
         return (
-            f"hover thrust is {self.value:.3f}, the airframe's data say {self._expected:.3f}: "
+            f"hover thrust is {self.value:.3f}, the airframe file gives {self._expected:.3f}: "
             "wrong airframe file, wrong payload, or a weak battery"
         )

@@ -14,7 +14,7 @@ _INTERVAL = int(px4.Command.SET_MESSAGE_INTERVAL)
 
 
 class GroundPhases(LinkCore):
-    """Each `_step_` does what its phase owes and enters the next one."""
+    """Each `_step_` does the work of its phase and enters the next one."""
 
     def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
         super().__init__(wire, config)
@@ -23,33 +23,33 @@ class GroundPhases(LinkCore):
         self._may_arm = config.arm
         self._ground_z = 0.0
         self._setpoint_ns = -SECOND
-        self._ours = False  # we armed it, so we may land it
+        self._ours = False  # this driver armed it and may land it
 
     def allow_arming(self) -> None:
-        """Needed once where the configuration says `arm = False`: the driver may arm and take off when ready."""
+        """Call it once where the configuration has `arm = False`: the driver then arms and takes off when ready."""
         self._may_arm = True
 
     def _step_connect(self, now_ns: int) -> None:
-        heard = self._heard
-        if heard.heartbeat_ns is None:
+        autopilot = self._autopilot
+        if autopilot.heartbeat_ns is None:
             if self._elapsed(10.0):
                 self._since = self._t
-                others = ", ".join(f"{system}/{component}" for system, component in sorted(heard.strangers))
-                wanted = f"system {self._config.system}, component {px4.PX4_COMPONENT}"
+                others = ", ".join(f"{system}/{component}" for system, component in sorted(autopilot.other_senders))
+                wanted = f"system {self._config.system}, component {self._config.component}"
                 refused = self.counters["unsigned_frames"]
-                unsigned = f"; {refused} frames without our signature were refused" if refused else ""
-                self._note("warning", f"no PX4 heard as {wanted} yet (heard: {others or 'nothing'}){unsigned}")
-        elif heard.armed:
-            self._fail("the vehicle is armed already: somebody else flies it. Land and disarm it first")
+                unsigned = f"; {refused} frames without a valid signature were refused" if refused else ""
+                self._note("warning", f"no PX4 received as {wanted} yet (received: {others or 'nothing'}){unsigned}")
+        elif autopilot.armed:
+            self._fail("the vehicle is already armed. Land and disarm it first")
         else:
             self._reading = True
             self._enter("parameters")
 
     def _step_parameters(self, now_ns: int) -> None:
-        check = self._heard.parameters
+        check = self._autopilot.parameters
         if self._reading and not check.unread:
             self._reading = False
-            self._enter("parameters")  # a new request, with tries of its own
+            self._enter("parameters")  # a new request, with its own tries
         if check.done:
             self._notes += check.report()
             self._streams = list(self._config.streams.items())
@@ -58,14 +58,14 @@ class GroundPhases(LinkCore):
             for name, payload in check.requests():
                 self._send.payload(name, payload)
         elif self._tries >= self._config.tries and self._late():
-            deaf = check.give_up_reading() if self._reading else ""
-            if deaf or not self._reading:
-                self._fail(deaf or f"{', '.join(check.unset)} was not taken over: PX4 refuses the value")
+            reason = check.give_up_reading() if self._reading else ""
+            if reason or not self._reading:
+                self._fail(reason or f"{', '.join(check.unset)} was not accepted: PX4 refuses the value")
 
     def _step_streams(self, now_ns: int) -> None:
         if self._asked is not None and self._new_ack(_INTERVAL) is not None:
             number, hz = self._streams.pop(0)
-            if hz and self._heard.acks[_INTERVAL][0] != px4.Result.ACCEPTED:
+            if hz and self._autopilot.acks[_INTERVAL][0] != px4.Result.ACCEPTED:
                 self._note("warning", f"the autopilot refuses {hz:g} Hz for message {number}")
             self._tries, self._asked = 0, None
         if not self._streams:
@@ -74,37 +74,37 @@ class GroundPhases(LinkCore):
             self._send.interval(*self._streams[0])
 
     def _step_ready(self, now_ns: int) -> None:
-        heard, vision = self._heard, self._config.external_vision
+        autopilot, vision = self._autopilot, self._config.external_vision
         mode = px4.OFFBOARD if vision else px4.HOLD
-        if vision and heard.odometry is not None:
+        if vision and autopilot.odometry is not None:
             self._stream_here(now_ns)
-        if heard.prearm and heard.odometry is not None and heard.mode == mode:
-            self._since = self._t  # it is ready; whoever may arm it can take his time
+        if autopilot.prearm and autopilot.odometry is not None and autopilot.mode == mode:
+            self._since = self._t  # it is ready; arming may be allowed at any time
             if self._may_arm:
                 self._enter("arm")
         elif self._elapsed(self._config.prearm_limit):
-            what = "its pre-arm checks did not pass" if not heard.prearm else "no usable ODOMETRY came"
+            what = "its pre-arm checks did not pass" if not autopilot.prearm else "no usable ODOMETRY came"
             self._fail(f"the autopilot is not ready after {self._config.prearm_limit:g} s: {what}")
-        elif heard.mode != mode and self._late():
+        elif autopilot.mode != mode and self._late():
             self._asked = self._t  # after a landing PX4 falls back to OFFBOARD, where its checks fail without a stream
             self._send.mode(mode)
 
     def _step_arm(self, now_ns: int) -> None:
-        heard = self._heard
+        autopilot = self._autopilot
         if self._config.external_vision:
             self._stream_here(now_ns)
         if self._asked is not None and self._new_ack(ARM) == px4.Result.ACCEPTED:
-            heard.arming_answered(True, now_ns)
-        if heard.armed and heard.odometry is not None:
+            autopilot.arming_answered(True, now_ns)
+        if autopilot.armed and autopilot.odometry is not None:
             self._ours = True
-            self._ground_z = heard.odometry.position[2]
+            self._ground_z = autopilot.odometry.position[2]
             self._enter("takeoff")
-        elif self._ask(f"arming was refused ({self._verdict(ARM)})", ARM):
+        elif self._ask(f"arming was refused ({self._result_name(ARM)})", ARM):
             self._send.arm()
 
     def _stream_here(self, now_ns: int) -> None:
-        """Position set-points where the vehicle stands: PX4 arms on external vision alone only in OFFBOARD."""
-        odometry = self._heard.odometry
+        """Position set-points at the vehicle's position: PX4 arms on external vision alone only in OFFBOARD."""
+        odometry = self._autopilot.odometry
         if odometry is not None and now_ns - self._setpoint_ns >= SETPOINT_NS:
             self._setpoint_ns = now_ns
             self._send.position(odometry.position, (0.0, 0.0, 0.0), yaw(odometry.orientation))

@@ -11,11 +11,11 @@ from vehicle.px4.codec import MESSAGES, MessageType, Packer
 from vehicle.px4.driver.signing import Signer
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, Rates, Vec3
 
-OUR_SYSTEM, OUR_COMPONENT = 245, 190  # a ground station's ids, as MAVSDK's
+OUR_SYSTEM, OUR_COMPONENT = 245, 190  # ids of a ground station, as MAVSDK uses them
 _GRAVITY = 9.80665
 _NAN = math.nan
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
-_POSITION_VELOCITY_YAW = int(px4.PositionMask.ACCELERATION | px4.PositionMask.YAW_RATE)  # what PX4 shall ignore
+_POSITION_VELOCITY_YAW = int(px4.PositionMask.ACCELERATION | px4.PositionMask.YAW_RATE)  # fields that PX4 ignores
 _NO_COVARIANCE = (_NAN,) * 21
 _TYPE_ONBOARD, _AUTOPILOT_NONE, _ACTIVE, _VERSION = 18, 8, 4, 3
 
@@ -23,16 +23,16 @@ _TYPE_ONBOARD, _AUTOPILOT_NONE, _ACTIVE, _VERSION = 18, 8, 4, 3
 class ByteWire(Protocol):
     """What carries MAVLink; `receive` never blocks."""
 
-    def send(self, data: bytes, /) -> None: ...
+    def send(self, data: bytes, /) -> object: ...
 
     def receive(self) -> list[bytes]: ...
 
 
 class Sender:
-    """Packs, signs if asked to, and sends. `sent` counts frames."""
+    """Packs, signs if configured, and sends. `sent` counts frames."""
 
     def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
-        self._wire, self._origin, self._target = wire, config.origin, (config.system, px4.PX4_COMPONENT)
+        self._wire, self._origin, self._target = wire, config.origin, (config.system, config.component)
         self._packer = Packer(OUR_SYSTEM, OUR_COMPONENT)
         self.signer = Signer(config.signing) if config.signing else None
         self._now_ns = 0
@@ -47,11 +47,11 @@ class Sender:
         self._send("HEARTBEAT", _TYPE_ONBOARD, _AUTOPILOT_NONE, 0, 0, _ACTIVE, _VERSION)
 
     def timesync_request(self) -> None:
-        """TIMESYNC: what time is it there?"""
+        """TIMESYNC: request for PX4's time."""
         self._send("TIMESYNC", 0, self._now_ns, 0, 0)
 
     def timesync_answer(self, px4_ns: int, now_ns: int) -> None:
-        """TIMESYNC: it is now_ns here (an answer of 0 would read as a question)."""
+        """TIMESYNC: the answer with our time (an answer of 0 would be a request)."""
         self._send("TIMESYNC", max(1, now_ns), px4_ns, *self._target)
 
     def command(self, number: int, *params: float) -> None:
@@ -59,24 +59,24 @@ class Sender:
         self._send("COMMAND_LONG", *self._target, int(number), 0, *params, *(0.0,) * (7 - len(params)))
 
     def arm(self) -> None:
-        """Ask to arm."""
+        """Request arming."""
         self.command(px4.Command.COMPONENT_ARM_DISARM, 1.0)
 
     def disarm(self, force: bool) -> None:
-        """Ask to disarm; `force` stops the motors in the air too."""
+        """Request disarming; `force` stops the motors also in the air."""
         self.command(px4.Command.COMPONENT_ARM_DISARM, 0.0, float(px4.FORCE_MAGIC) if force else 0.0)
 
     def take_off(self) -> None:
-        """Ask for a take-off to PX4's own altitude, where the vehicle stands."""
+        """Request a take-off to PX4's own altitude at the vehicle's position."""
         self.command(px4.Command.NAV_TAKEOFF, *(_NAN,) * 7)
 
     def mode(self, custom: int) -> None:
-        """Ask for a mode."""
+        """Request a mode."""
         main, sub = px4.split_custom_mode(custom)
         self.command(px4.Command.DO_SET_MODE, float(px4.SET_MODE_FLAG), float(main), float(sub))
 
     def interval(self, message: int, hz: float) -> None:
-        """Ask for a message at `hz`; 0 stops it."""
+        """Request a message at `hz`; 0 stops it."""
         self.command(px4.Command.SET_MESSAGE_INTERVAL, float(message), 1e6 / hz if hz else -1.0)
 
     def payload(self, name: str, payload: bytes) -> None:

@@ -1,4 +1,4 @@
-"""MAVLink 2 signing for the driver's frames: what goes out is signed, what comes in is checked (MAVLink 2 guide)."""
+"""MAVLink 2 signing for the driver's frames: sent frames are signed, received frames are checked (MAVLink 2 guide)."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _CRC = struct.Struct("<H")
 
 
 def is_signed(frame: Frame) -> bool:
-    """Whether a received frame carries a signature, good or not."""
+    """Whether a received frame carries a signature, valid or not."""
     return frame.raw[0] == V2_MARK and bool(frame.raw[2] & _SIGNED)
 
 
 class Signer:
-    """Signs and checks frames of one link. Timestamps only rise, so an overheard frame cannot be played again."""
+    """Signs and checks frames of one link. Timestamps only increase, so a recorded frame is not accepted again."""
 
     def __init__(self, config: Signing) -> None:
         self._config = config
@@ -40,7 +40,7 @@ class Signer:
         return body + self._hash(body)
 
     def accepts(self, frame: Frame, now_ns: int) -> bool:
-        """True for a frame that may be believed; others are counted in `refused`."""
+        """True for a frame with a valid signature; others are counted in `refused`."""
         good = self._good(frame, now_ns) if is_signed(frame) else not self._config.require
         self.refused += not good
         return good

@@ -8,20 +8,20 @@ from typing import Any
 from vehicle.px4 import protocol as px4
 from vehicle.px4.driver.types import Note
 
-_PATIENCE_NS = 500_000_000
+_LAST_CHUNK_NS = 500_000_000
 
 
 class Texts:
-    """Collects what the autopilot says. PX4 marks texts that also go out as EVENT with a trailing TAB."""
+    """Collects the autopilot's texts. PX4 marks texts that also go out as EVENT with a trailing TAB."""
 
     def __init__(self) -> None:
         self._parts: list[str] = []
         self._open: tuple[int, int, int] | None = None  # id, severity, next chunk
         self._since_ns = 0
-        self.recent: deque[str] = deque(maxlen=3)  # worth quoting: warnings and worse
+        self.recent: deque[str] = deque(maxlen=3)  # for quotation: warnings and worse
         self.notes: list[Note] = []
 
-    def heard(self, f: Any, now_ns: int) -> None:
+    def receive(self, f: Any, now_ns: int) -> None:
         """One STATUSTEXT."""
         if self._open is not None and (f.id, f.severity, f.chunk_seq) != self._open:
             self._finish()
@@ -34,7 +34,7 @@ class Texts:
 
     def flush(self, now_ns: int) -> None:
         """A text whose last chunk happened to be full is complete when nothing follows."""
-        if self._open is not None and now_ns - self._since_ns > _PATIENCE_NS:
+        if self._open is not None and now_ns - self._since_ns > _LAST_CHUNK_NS:
             self._finish()
 
     def take(self) -> list[Note]:
@@ -43,8 +43,8 @@ class Texts:
         return notes
 
     def quote(self) -> str:
-        """The latest complaints, for a failure's text; empty if there were none."""
-        return f"; the autopilot said: {' / '.join(self.recent)}" if self.recent else ""
+        """The latest warnings, for a failure's text; empty if there were none."""
+        return f"; the autopilot reports: {' / '.join(self.recent)}" if self.recent else ""
 
     def _finish(self) -> None:
         assert self._open is not None

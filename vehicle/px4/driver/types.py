@@ -10,10 +10,10 @@ from typing import NamedTuple
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
-# Message id: Hz asked of PX4; 0 asks it not to send what nobody here reads. Others stay at PX4's default.
+# Message id: Hz asked of PX4; 0 stops messages that are not read here. Others stay at PX4's default.
 STREAMS: Mapping[int, float] = {
     331: 100.0,  # ODOMETRY
-    436: 50.0,  # CURRENT_MODE: the quick word on modes, HEARTBEAT's rate cannot be changed
+    436: 50.0,  # CURRENT_MODE: the quick report of modes, as HEARTBEAT's rate cannot be changed
     83: 20.0,  # ATTITUDE_TARGET: the thrust of the hover
     111: 10.0,  # TIMESYNC
     1: 5.0,  # SYS_STATUS
@@ -40,7 +40,7 @@ class Odometry(NamedTuple):
 
 
 class ExternalPose(NamedTuple):
-    """What motion capture saw of the vehicle at `stamp_ns` of our clock: m (world), wxyz (world from body)."""
+    """The vehicle's pose from motion capture at `stamp_ns` of our clock: m (world), wxyz (world from body)."""
 
     stamp_ns: int
     position: Vec3
@@ -48,7 +48,7 @@ class ExternalPose(NamedTuple):
 
 
 class Note(NamedTuple):
-    """Something the crew should read: severity is info, warning or error."""
+    """A text for the crew: severity is info, warning or error."""
 
     severity: str
     text: str
@@ -56,9 +56,9 @@ class Note(NamedTuple):
 
 @dataclass(frozen=True)
 class Signing:
-    """MAVLink 2 signing. `epoch_ns`: Unix time (ns) at which our clock shows 0, as signatures carry the date.
+    """MAVLink 2 signing. `epoch_ns`: Unix time (ns) at which our clock shows 0, because signatures carry the date.
 
-    The key is 32 bytes, shared with the autopilot. With `require`, frames without a good signature are refused.
+    The key is 32 bytes, shared with the autopilot. With `require`, frames without a valid signature are refused.
     """
 
     key: bytes = field(repr=False)
@@ -69,24 +69,27 @@ class Signing:
     def __post_init__(self) -> None:
         if len(self.key) != 32:
             raise ValueError(f"a MAVLink signing key has 32 bytes, this one has {len(self.key)}")
+        if not any(self.key):
+            raise ValueError("a MAVLink signing key of zeros only is not secret: make a random one")
 
 
 @dataclass(frozen=True)
 class LinkConfig:
-    """How one flight begins and what the driver insists on. Times are seconds of PX4's time.
+    """How one flight begins and what the driver requires. Times are seconds of PX4's time.
 
     `start`: x, y, z (m) and yaw (rad, counter-clockwise from east) of the hover, world. `origin`: where PX4's local
-    frame has its origin in the world. `hover_thrust`: what the airframe's data say, 0..1. `parameters` are set and
+    frame has its origin in the world. `hover_thrust`: from the airframe file, 0..1. `parameters` are set and
     read back before arming. `fixed_offset_ns`: PX4's time less ours where it is known (a simulator in lockstep), else
-    None and TIMESYNC measures it; `clock_drift`: how fast the two may part (1e-4 for crystals; a SITL that lags behind
-    wall time needs 0.03). The hover's limits are for a vehicle on motion capture: on GPS alone it never is as still
-    (0.5 m, 0.5 m/s, 0.4 rad/s). Raises ValueError for numbers that cannot be meant.
+    None and TIMESYNC measures it; `clock_drift`: their relative drift (1e-4 for crystals; a SITL that lags behind
+    wall time needs 0.03). The hover's limits are for a vehicle on motion capture: on GPS alone it moves more
+    (0.5 m, 0.5 m/s, 0.4 rad/s). Raises ValueError for numbers out of range.
     """
 
     start: tuple[float, float, float, float]
     origin: Vec3 = (0.0, 0.0, 0.0)
     hover_thrust: float = 0.5
-    system: int = 1
+    system: int = 1  # MAV_SYS_ID of the autopilot
+    component: int = 1  # MAV_COMP_ID of the autopilot
     arm: bool = True  # False: waits in phase ready for `Px4Link.allow_arming`
     parameters: Mapping[str, float] = field(default_factory=lambda: {"COM_OF_LOSS_T": 0.3, "COM_OBL_RC_ACT": 4})
     required: tuple[str, ...] = ("COM_OF_LOSS_T", "COM_OBL_RC_ACT")  # an autopilot without these is not armed
@@ -96,15 +99,15 @@ class LinkConfig:
     hover_position: float = 0.15  # m
     hover_speed: float = 0.08  # m/s
     hover_turning: float = 0.15  # rad/s
-    hover_time: float = 1.0  # within all three before the hover counts
-    goto_limit: float = 60.0  # to get there and stand
+    hover_time: float = 1.0  # within all three before the hover is reached
+    goto_limit: float = 60.0  # to reach the start and come to rest
     hover_thrust_tolerance: float = 0.35  # relative, of the learned hover thrust against the airframe's
     prearm_limit: float = 60.0  # for the autopilot's pre-arm checks
-    gap_limit: float = 0.25  # without a command after the hand-over: control is not taken up again
+    gap_limit: float = 0.25  # without a command after the hand-over: control is not resumed
     answer_limit: float = 0.6  # before a request is repeated
     tries: int = 8
     external_pose_hz: float = 50.0
-    steepest: float = math.radians(70.0)  # rad, the attitude a perch ends in; PX4's failure detector is judged by it
+    steepest: float = math.radians(70.0)  # rad, attitude at the end of a perch; PX4's failure detector is judged by it
     external_vision: bool = False  # PX4 flies on external poses alone: arm and climb in OFFBOARD
     fixed_offset_ns: int | None = None
     clock_drift: float = 1e-4
@@ -119,6 +122,8 @@ class LinkConfig:
             raise ValueError(f"steepest attitude {self.steepest} rad: it must lie between 0 and pi/2")
         if not 1 <= self.system <= 255:
             raise ValueError(f"MAVLink system {self.system}: 1 to 255 (PX4 instance i is system 1 + i)")
+        if not 1 <= self.component <= 255:
+            raise ValueError(f"MAVLink component {self.component}: 1 to 255 (PX4 is component 1)")
         positive = ("goto_speed", "goto_acceleration", "hover_position", "hover_speed", "gap_limit", "answer_limit")
         for name in positive:
             if not getattr(self, name) > 0.0:
@@ -130,7 +135,7 @@ class LinkOutput:
     """What one step of the driver found.
 
     `phase`: connect, parameters, streams, ready, arm, takeoff, goto, hover (waits for the first command), handed_over,
-    interrupted (control was lost and is not taken up again), hold, released (landing), killed, failed.
+    interrupted (control was lost and is not resumed), hold, released (landing), killed, failed.
     """
 
     phase: str

@@ -1,6 +1,6 @@
 """A software PX4 v1.17 behind its MAVLink wires: physics, estimate, control, modes, failsafes, streams, parameters.
 
-Built to what a real PX4 SITL was recorded to do. It knows no clock: `step(now_ns)` brings it to a time, in ticks of
+It behaves as recordings of a real PX4 SITL do. It reads no clock: `step(now_ns)` brings it to a time, in ticks of
 4 ms of PX4 time (250 Hz, physics at 500 Hz), so that the same seed and the same bytes in give the same bytes out.
 
 World ENU and body FLU at this class's edge; NED and FRD only on the wire.
@@ -26,19 +26,21 @@ from kernel.rotations import (
     to_rotation_vector,
 )
 from vehicle.px4 import protocol as px4
+from vehicle.px4.sim.cascade import reset_cascade
 from vehicle.px4.sim.commander import PERIOD_NS, Commander
-from vehicle.px4.sim.control import LANDED, MODE, OFF, OUT_THRUST, RAMP, reset_cascade
 from vehicle.px4.sim.estimator import Estimator, EstimatorNoise
 from vehicle.px4.sim.outbox import Outbox
 from vehicle.px4.sim.params import Parameters, airframe_overrides, apply
-from vehicle.px4.sim.plant import ATTACHED, GROUND, HEALTH, TICK_NS, tick
+from vehicle.px4.sim.plant import TICK_NS, tick
 from vehicle.px4.sim.port import Port, Wire
 from vehicle.px4.sim.receiver import Receiver
+from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Flight
 from vehicle.px4.sim.streams import add_streams
 from vehicle.px4.sim.view import DRAIN_S, View
+from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import Airframe
-from vehicle.quadrotor.dynamics import MOTOR, ND, WIND, P, Q, V, W, vehicle_row
+from vehicle.quadrotor.dynamics import vehicle_row
 
 SUBSTEPS = 2
 READY_S = (4.1, 5.1)  # PX4 time at which the pre-arm checks pass (recorded range)
@@ -76,9 +78,8 @@ class Px4Sim:
     ) -> None:
         """Boot at the first `step`.
 
-        links: "api" (Onboard, PX4's 14580) and "gcs" (Normal, 18570), each a wire or None; a link without a wire costs
-        nothing. position (m) and yaw (rad from east, counter-clockwise) ENU of the vehicle, standing on the ground
-        there.
+        links: "api" (Onboard, PX4's 14580) and "gcs" (Normal, 18570), each a wire or None; a link without a wire takes
+        no computing time. position (m) and yaw (rad from east, counter-clockwise) ENU of the vehicle, on the ground.
         parameters: set before boot, on top of PX4's defaults and the airframe's values. origin: PX4's local origin in
         the world (m); world and local frame coincide by default, as for a vehicle that is fed by motion capture.
         params_row: the plant's params row if it is not the airframe's own (a randomised vehicle).
@@ -93,13 +94,13 @@ class Px4Sim:
         plant = (airframe.params_row() if params_row is None else params_row).copy()
         row = vehicle_row(position, from_euler(0.0, 0.0, yaw))
         self.flight = flight = Flight(store, row, plant, origin=origin)
-        control = flight.control
-        control[MODE], control[OUT_THRUST], control[LANDED], control[RAMP] = OFF, 0.0, 1.0, math.inf
-        apply(store, plant, control)
+        c = flight.control
+        c[control.MODE], c[control.OUT_THRUST], c[control.LANDED], c[control.RAMP] = control.OFF, 0.0, 1.0, math.inf
+        apply(store, plant, c)
         self._stream = stream(seed, 0x9E4)
         self._noise = (noise or EstimatorNoise()).row()
-        situation = flight.situation
-        situation[GROUND], situation[HEALTH : HEALTH + 4] = position[2], 1.0
+        flight.situation[situation.GROUND] = position[2]
+        flight.situation[situation.HEALTH : situation.HEALTH + 4] = 1.0
         ready_s = uniform(self._stream, *READY_S)
         self.estimator = Estimator(flight, self._stream)
         self.commander = Commander(flight, int(ready_s * 1e9))
@@ -118,14 +119,14 @@ class Px4Sim:
         self._board: tuple[Vec3, Quat, int] | None = None
         self._grip: tuple[Vec3, Quat] | None = None
         self._tick()  # fills the estimate
-        reset_cascade(control, flight.estimate)
+        reset_cascade(c, flight.estimate)
 
     # -- time -----------------------------------------------------------------------------------------------------
 
     def step(self, now_ns: int) -> None:
-        """Come to `now_ns` (any epoch; the first call is the moment of boot), then act on what has been received.
+        """Advance to `now_ns` (any epoch; the first call is the moment of boot), then process received frames.
 
-        A frame is acted on in the tick that ends at or before `now_ns`; call at least every 4 ms for the least delay.
+        A frame is processed in the tick that ends at or before `now_ns`; call at least every 4 ms for the least delay.
         """
         if self._boot_ns is None:
             self._boot_ns = now_ns
@@ -196,8 +197,8 @@ class Px4Sim:
 
     @property
     def row(self) -> np.ndarray:
-        """The vehicle row (ND,): the truth itself, indices in vehicle/quadrotor/dynamics.py."""
-        assert self.flight.row.shape == (ND,)
+        """The vehicle row (ND,): the truth itself, indices in vehicle/quadrotor."""
+        assert self.flight.row.shape == (state_row.DIM,)
         return self.flight.row
 
     def truth(self) -> Truth:
@@ -208,20 +209,25 @@ class Px4Sim:
             return values[at], values[at + 1], values[at + 2]
 
         return Truth(
-            three(P),
-            three(V),
-            (values[Q], values[Q + 1], values[Q + 2], values[Q + 3]),
-            three(W),
-            (values[MOTOR], values[MOTOR + 1], values[MOTOR + 2], values[MOTOR + 3]),
+            three(state_row.P),
+            three(state_row.V),
+            (values[state_row.Q], values[state_row.Q + 1], values[state_row.Q + 2], values[state_row.Q + 3]),
+            three(state_row.W),
+            (
+                values[state_row.MOTOR],
+                values[state_row.MOTOR + 1],
+                values[state_row.MOTOR + 2],
+                values[state_row.MOTOR + 3],
+            ),
             self.flight.armed,
             self._grip is not None,
         )
 
-    # -- the world acts on it -------------------------------------------------------------------------------------
+    # -- acts of the world on it -------------------------------------------------------------------------------------
 
     def set_wind(self, velocity: Vec3) -> None:
         """Velocity of the air (m/s, world) from now on."""
-        self.flight.row[WIND : WIND + 3] = velocity
+        self.flight.row[state_row.WIND : state_row.WIND + 3] = velocity
 
     def attach(
         self,
@@ -236,22 +242,23 @@ class Px4Sim:
         Call again with every new pose of the board (m, world; quaternion world from board); between calls the vehicle
         moves on with the board's last motion. `stamp_ns` is when the pose is true, on `step`'s clock (None: as of the
         last step); a pose for the step to come would otherwise put the vehicle ahead by one step. Velocity (m/s, world)
-        and turn rate (rad/s, about the vertical) count at the first call only: later two poses tell. `detach` lets go.
+        and turn rate (rad/s, about the vertical) are used at the first call only: later two poses give them. `detach`
+        ends it.
         """
         row, now = self.flight.row, self.flight.now_ns
         stamp = now if stamp_ns is None or self._boot_ns is None else stamp_ns - self._boot_ns
         board = normalise(board_orientation)
         if self._grip is None:
-            offset = row[P : P + 3] - np.array(board_position)
-            turn = multiply(conjugate(board), tuple(row[Q : Q + 4].tolist()))
+            offset = row[state_row.P : state_row.P + 3] - np.array(board_position)
+            turn = multiply(conjugate(board), tuple(row[state_row.Q : state_row.Q + 4].tolist()))
             self._grip = (rotate_back(board, *offset.tolist()), normalise(turn))
-            self.flight.situation[ATTACHED] = 1.0
+            self.flight.situation[situation.ATTACHED] = 1.0
             spin = (0.0, 0.0, board_turn_rate)
-            row[V : V + 3] = np.array(board_velocity) + np.cross(spin, offset)
-            row[W : W + 3] = rotate_back(tuple(row[Q : Q + 4].tolist()), *spin)
+            row[state_row.V : state_row.V + 3] = np.array(board_velocity) + np.cross(spin, offset)
+            row[state_row.W : state_row.W + 3] = rotate_back(tuple(row[state_row.Q : state_row.Q + 4].tolist()), *spin)
         offset, turn = self._grip
-        row[P : P + 3] = np.array(board_position) + rotate(board, *offset)
-        row[Q : Q + 4] = normalise(multiply(board, turn))
+        row[state_row.P : state_row.P + 3] = np.array(board_position) + rotate(board, *offset)
+        row[state_row.Q : state_row.Q + 4] = normalise(multiply(board, turn))
         if self._board is not None and stamp > self._board[2]:
             old_position, old_orientation, then = self._board
             rate = 1e9 / (stamp - then)
@@ -259,30 +266,32 @@ class Px4Sim:
             spin = tuple(rate * s for s in spin)
             arm = rotate(board, *offset)
             velocity = (np.array(board_position) - old_position) * rate + np.cross(spin, arm)
-            row[V : V + 3] = velocity
-            row[W : W + 3] = rotate_back(tuple(row[Q : Q + 4].tolist()), *spin)
+            row[state_row.V : state_row.V + 3] = velocity
+            row[state_row.W : state_row.W + 3] = rotate_back(tuple(row[state_row.Q : state_row.Q + 4].tolist()), *spin)
         if self._board is None or stamp > self._board[2]:
             self._board = (board_position, board, stamp)
         early = (stamp - now) * 1e-9  # bring the pose back to the time of the last tick
-        row[P : P + 3] -= early * row[V : V + 3]
-        spin_back = (-early * row[W : W + 3]).tolist()
-        row[Q : Q + 4] = normalise(multiply(tuple(row[Q : Q + 4].tolist()), from_rotation_vector(*spin_back)))
+        row[state_row.P : state_row.P + 3] -= early * row[state_row.V : state_row.V + 3]
+        spin_back = (-early * row[state_row.W : state_row.W + 3]).tolist()
+        row[state_row.Q : state_row.Q + 4] = normalise(
+            multiply(tuple(row[state_row.Q : state_row.Q + 4].tolist()), from_rotation_vector(*spin_back))
+        )
 
     def detach(self) -> None:
         """The magnet lets go; the vehicle leaves with the board's velocity."""
         self._grip = self._board = None
-        self.flight.situation[ATTACHED] = 0.0
+        self.flight.situation[situation.ATTACHED] = 0.0
 
     # -- faults ---------------------------------------------------------------------------------------------------
 
     def fail_motor(self, motor: int, remaining: float = 0.0) -> None:
-        """Motor 0..3 gives only `remaining` (0..1) of what it is asked for; 1 mends it."""
+        """Motor 0..3 gives only the share `remaining` (0..1) of its commanded thrust; 1 repairs it."""
         if not (0 <= motor < 4 and 0.0 <= remaining <= 1.0):
             raise ValueError(f"motor {motor} with {remaining} of its thrust: give a motor 0..3 and a share 0..1")
-        self.flight.situation[HEALTH + motor] = remaining
+        self.flight.situation[situation.HEALTH + motor] = remaining
 
     def set_gps(self, enabled: bool) -> None:
-        """Take GPS reception away, or give it back."""
+        """Switch GPS reception off or on."""
         self.estimator.gps_enabled = enabled
 
     def set_heartbeat(self, enabled: bool) -> None:

@@ -1,4 +1,4 @@
-"""PX4's commander: commands and their verdicts, arming, modes, automatic disarming. Runs every 10 ms of PX4 time."""
+"""PX4's commander: commands and their results, arming, modes, automatic disarming. Runs every 10 ms of PX4 time."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import math
 from vehicle.px4 import protocol as px4
 from vehicle.px4.protocol import Command as Cmd
 from vehicle.px4.protocol import Main, Result
-from vehicle.px4.sim.control import MODE, OFF, reset_cascade
+from vehicle.px4.sim.cascade import reset_cascade
 from vehicle.px4.sim.failsafe import Failsafe
 from vehicle.px4.sim.landing import LandDetector
 from vehicle.px4.sim.navigator import Navigator
 from vehicle.px4.sim.offboard import Offboard
-from vehicle.px4.sim.plant import ARMED
+from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Command, Flight
 from vehicle.quadrotor.rate_control import reset_rate_control
 
 PERIOD_NS = 10_000_000
-SILENT_BOOT_S = 1.0  # arming is refused without a text until here
+SILENT_BOOT_S = 1.0  # until then arming is refused without a text
 DENIED = "Arming denied: Resolve system health failures first\t"
 _TITLES = {
     px4.OFFBOARD: "Offboard",
@@ -37,7 +37,7 @@ _NOT_FOR_ARMING = (px4.LAND, px4.RTL)  # nor remembered for after a landing
 
 
 class Commander:
-    """Owns arming and modes of a `Flight`; hears commands through `queue` and judges them at its next run."""
+    """Owns arming and modes of a `Flight`; commands come through `queue` and are answered at its next run."""
 
     def __init__(self, flight: Flight, ready_ns: int) -> None:
         """`ready_ns`: PX4 time at which the pre-arm checks pass."""
@@ -63,7 +63,7 @@ class Commander:
         if not flight.ready or flight.terminated or flight.intended in _NOT_FOR_ARMING:
             return False
         if flight.intended in _AUTO and not flight.global_valid:
-            return False  # seen with vision alone: "horizontal position unstable"
+            return False  # recorded with vision alone: "horizontal position unstable"
         return self.can_run(flight.intended)
 
     def system_status(self) -> int:
@@ -100,7 +100,7 @@ class Commander:
             flight.ready = True
         queue, self.queue = self.queue, []
         for command in queue:
-            self._judge(command)
+            self._execute(command)
         self.landing.update()
         self._disarm_by_itself()
         self.failsafe.update()
@@ -110,7 +110,7 @@ class Commander:
         if flight.active == px4.OFFBOARD:
             self.offboard.apply()
         elif px4.split_custom_mode(flight.active)[0] not in (Main.AUTO, Main.ALTCTL):
-            flight.control[MODE] = OFF
+            flight.control[control.MODE] = control.OFF
 
     def _disarm_by_itself(self) -> None:
         flight = self._flight
@@ -135,7 +135,7 @@ class Commander:
         self.activate(mode)
 
     def activate(self, mode: int) -> None:
-        """Run a mode without touching what the user asked for."""
+        """Run a mode without changing what the user requested."""
         flight = self._flight
         if mode == flight.active and px4.split_custom_mode(mode)[0] != Main.AUTO:
             return
@@ -146,11 +146,11 @@ class Commander:
             self.offboard.enter()
 
     def request_mode(self, custom: int) -> tuple[int, str]:
-        """A user's wish for a mode: PX4's verdict and text."""
+        """A user's request for a mode: PX4's result and text."""
         flight = self._flight
         main, sub = px4.split_custom_mode(custom)
         if main not in Main.__members__.values():
-            return Result.ACCEPTED, ""  # PX4 does nothing, and says yes
+            return Result.ACCEPTED, ""  # PX4 does nothing, and accepts
         if flight.terminated:
             return Result.TEMPORARILY_REJECTED, ""
         if main == Main.AUTO:
@@ -178,7 +178,7 @@ class Commander:
             flight.text(2, DENIED)
             return Result.TEMPORARILY_REJECTED
         flight.armed, flight.armed_ns, flight.took_off = True, flight.now_ns, False
-        flight.situation[ARMED] = 1.0
+        flight.situation[situation.ARMED] = 1.0
         if flight.global_valid:
             flight.home, flight.home_ns = flight.position, flight.now_ns
         reset_rate_control(flight.row)
@@ -188,11 +188,11 @@ class Commander:
         return Result.ACCEPTED
 
     def disarm(self, text: str, reason: int) -> None:
-        """Stop the motors; the mode falls back to the last one a user chose to fly in."""
+        """Stop the motors; the mode returns to the last one that the user selected for flight."""
         flight = self._flight
         flight.armed = flight.failsafe = False
-        flight.situation[ARMED] = 0.0
-        flight.control[MODE] = OFF
+        flight.situation[situation.ARMED] = 0.0
+        flight.control[control.MODE] = control.OFF
         flight.landing = flight.contact = False
         reset_rate_control(flight.row)
         flight.text(6, text, 0x01F46777, bytes((reason,)))
@@ -204,29 +204,29 @@ class Commander:
         """Motors off for good."""
         flight = self._flight
         flight.terminated = True
-        flight.situation[ARMED] = 0.0
+        flight.situation[situation.ARMED] = 0.0
         flight.active = px4.custom_mode(Main.MANUAL)
-        flight.control[MODE] = OFF
+        flight.control[control.MODE] = control.OFF
         flight.text(2, "Failsafe activated\t", 0x01DEDBD0)
 
     # -- commands -------------------------------------------------------------------------------------------------
 
-    def _judge(self, command: Command) -> None:
-        """Carry a command out; the answer goes out before any text, as from PX4."""
+    def _execute(self, command: Command) -> None:
+        """Carry a command out; the acknowledgement is sent before any text, as PX4 does."""
         flight = self._flight
-        said: list[tuple] = []
-        say, flight.text = flight.text, lambda *words: said.append(words)
+        texts: list[tuple] = []
+        send_text, flight.text = flight.text, lambda *text: texts.append(text)
         try:
             result = self._carry_out(command)
         finally:
-            flight.text = say
+            flight.text = send_text
         if result is not None:
             flight.acknowledge(command, int(result))
-        for words in said:
-            say(*words)
+        for text in texts:
+            send_text(*text)
 
     def _carry_out(self, command: Command) -> int | None:
-        """The verdict, or None for silence."""
+        """The result, or None where PX4 sends no acknowledgement."""
         flight = self._flight
         p1, p2 = command.params[0], command.params[1]
         result: int | None = Result.UNSUPPORTED

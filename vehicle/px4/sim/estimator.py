@@ -1,7 +1,7 @@
-"""The software PX4's estimate: truth with small correlated errors, fed by GPS or by external vision, or by nothing.
+"""The software PX4's estimate: truth with small correlated errors, aided by GPS, by external vision, or not at all.
 
-Not an EKF: the error of the estimate is modelled, the sources it depends on are. Defaults are what a vehicle fed by
-motion capture shows; `GPS_NOISE` is what the recorded SITL flight on simulated GPS shows.
+Not an EKF: the errors of the estimate are modelled, and the sources that it depends on. Defaults are for a vehicle on
+motion capture; `GPS_NOISE` is measured on the recorded SITL flight with simulated GPS.
 """
 
 from __future__ import annotations
@@ -14,16 +14,15 @@ import numpy as np
 
 from kernel.random import normal
 from kernel.rotations import swap_attitude, swap_yaw, wrap_angle, yaw
-from vehicle.px4.sim.control import EST_P
-from vehicle.px4.sim.plant import BIAS_P, BIAS_V, BIAS_YAW, BLIND, KNOWN_X, KNOWN_Y, NERR
+from vehicle.px4.sim.rows import estimate_error, estimate_noise
 from vehicle.px4.sim.state import ORIGIN_ALTITUDE, Flight
-from vehicle.quadrotor.dynamics import P, Q
+from vehicle.quadrotor import state_row
 
 EV_ALIGN_S = 1.0  # of steady vision before it is fused
 EV_TIMEOUT_S = 1.5
 DEAD_RECKONING_S = 5.0  # EKF2_NOAID_TOUT
 DRIFT = 0.05  # m/s^2/sqrt(Hz), of dead reckoning
-EV_GAIN = 0.3  # share of a vision sample's innovation that is taken over
+EV_GAIN = 0.3  # share of a vision sample's innovation that corrects the estimate
 
 
 @dataclass(frozen=True)
@@ -40,22 +39,23 @@ class EstimatorNoise:
     accelerometer: float = 0.07  # m/s^2
 
     def row(self) -> np.ndarray:
-        """The (8,) noise row for kernels. Raises ValueError for negative or non-finite numbers."""
+        """The noise row for kernels. Raises ValueError for negative or non-finite numbers."""
         values = np.array(astuple(self))
-        if not np.isfinite(values).all() or values.min() < 0 or min(values[[1, 3, 5]]) <= 0:
+        if not np.isfinite(values).all() or values.min() < 0 or min(values[list(_TAUS)]) <= 0:
             raise ValueError(f"estimator noise must be finite, not negative, with positive time constants: {self}")
         return values
 
 
+_TAUS = (estimate_noise.POSITION_TAU, estimate_noise.VELOCITY_TAU, estimate_noise.ATTITUDE_TAU)
 GPS_NOISE = EstimatorNoise(position=0.2, position_tau=8.0, velocity=0.12, velocity_tau=0.8)
 
 
 class Estimator:
-    """Decides which source holds the estimate and steers the error row accordingly."""
+    """Decides which source aids the estimate and sets the error row accordingly."""
 
     def __init__(self, flight: Flight, stream: np.ndarray) -> None:
         self._flight, self._stream = flight, stream
-        self.error = np.zeros(NERR)
+        self.error = np.zeros(estimate_error.LENGTH)
         parameters = flight.parameters
         self._gps_fitted = bool(parameters["SENS_EN_GPSSIM"]) and bool(parameters["SYS_HAS_GPS"])
         self._height_reference = parameters["EKF2_HGT_REF"]
@@ -77,10 +77,10 @@ class Estimator:
         return self._flight.parameters["EKF2_EV_CTRL"] != 0
 
     def remember(self) -> None:
-        """Note the truth for the delay of vision; called every tick."""
+        """Store the truth, as vision comes delayed; called every tick."""
         row = self._flight.row
-        heading = yaw(tuple(row[Q : Q + 4]))
-        x, y, z = row[P : P + 3].tolist()
+        heading = yaw(tuple(row[state_row.Q : state_row.Q + 4]))
+        x, y, z = row[state_row.P : state_row.P + 3].tolist()
         self._history.append((self._flight.now_ns, x, y, z, heading))
 
     def vision(self, ned: tuple[float, float, float], heading_ned: float, north_aligned: bool) -> None:
@@ -108,18 +108,20 @@ class Estimator:
         _, x, y, z, yaw_then = min(self._history, key=lambda entry: abs(entry[0] - taken))
         ox, oy, oz = flight.origin
         wanted = (ned[1] + ox - x, ned[0] + oy - y, oz - ned[2] - z)
+        bias = estimate_error.POSITION_BIAS
         for axis in range(2):
             if control & 1:
-                error[BIAS_P + axis] += gain * (wanted[axis] - error[BIAS_P + axis])
+                error[bias + axis] += gain * (wanted[axis] - error[bias + axis])
         if control & 2:
             jump = ORIGIN_ALTITUDE if self._height_jumps() else 0.0
-            error[BIAS_P + 2] += gain * (wanted[2] - jump - error[BIAS_P + 2])
+            error[bias + 2] += gain * (wanted[2] - jump - error[bias + 2])
         self.yaw_aligned = aligned
         if control & 8 and aligned:
-            error[BIAS_YAW] += gain * wrap_angle(swap_yaw(heading) - yaw_then - error[BIAS_YAW])
+            innovation = wrap_angle(swap_yaw(heading) - yaw_then - error[estimate_error.YAW_BIAS])
+            error[estimate_error.YAW_BIAS] += gain * innovation
 
     def _height_jumps(self) -> bool:
-        """A running PX4 that is switched to vision height puts z off by its altitude: set it before boot."""
+        """A running PX4 that is switched to vision height offsets z by its altitude: set it before boot."""
         return self._flight.parameters["EKF2_HGT_REF"] == 3 and self._height_reference != 3
 
     def _fuses_gps(self) -> bool:
@@ -135,25 +137,26 @@ class Estimator:
         gps = self._fuses_gps()
         seen = self.vision_active and bool(int(flight.parameters["EKF2_EV_CTRL"]) & 1)
         if gps:
-            for i in range(BIAS_P, BIAS_YAW + 1):
+            for i in range(estimate_error.POSITION_BIAS, estimate_error.YAW_BIAS + 1):
                 error[i] *= 0.98
         if gps or seen:
             self._aided_ns = now
-            error[BLIND] = 0.0
+            error[estimate_error.BLIND] = 0.0
             for axis in range(3):
-                error[BIAS_V + axis] *= 0.9
-        elif error[BLIND] == 0.0:
+                error[estimate_error.VELOCITY_BIAS + axis] *= 0.9
+        elif error[estimate_error.BLIND] == 0.0:
             for axis in range(2):
-                error[BIAS_V + axis] += DRIFT * math.sqrt(dt) * normal(self._stream)
-                error[BIAS_P + axis] += dt * error[BIAS_V + axis]
+                error[estimate_error.VELOCITY_BIAS + axis] += DRIFT * math.sqrt(dt) * normal(self._stream)
+                error[estimate_error.POSITION_BIAS + axis] += dt * error[estimate_error.VELOCITY_BIAS + axis]
         never = self._aided_ns == 0 and not (gps or seen)
         if never or now - self._aided_ns > DEAD_RECKONING_S * 1e9:
-            if error[BLIND] == 0.0:
-                error[KNOWN_X : KNOWN_Y + 1] = flight.origin[:2] if never else flight.estimate[EST_P : EST_P + 2]
-            error[BLIND] = 1.0
-        flight.position_valid = error[BLIND] == 0.0 and flight.now_s > 2.7
+            if error[estimate_error.BLIND] == 0.0:
+                known = flight.origin if never else flight.position
+                error[estimate_error.KNOWN_X], error[estimate_error.KNOWN_Y] = known[0], known[1]
+            error[estimate_error.BLIND] = 1.0
+        flight.position_valid = error[estimate_error.BLIND] == 0.0 and flight.now_s > 2.7
         flight.global_valid = flight.position_valid and gps
 
     def heading_ned(self) -> float:
         """Estimated heading from north, rad."""
-        return yaw(swap_attitude(tuple(self._flight.estimate[6:10])))
+        return yaw(swap_attitude(self._flight.attitude))

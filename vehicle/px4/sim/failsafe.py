@@ -7,7 +7,7 @@ from typing import Protocol
 
 from kernel.rotations import to_euler
 from vehicle.px4 import protocol as px4
-from vehicle.px4.sim.plant import ARMED
+from vehicle.px4.sim.rows import situation
 from vehicle.px4.sim.state import Flight
 
 LOSS_HYSTERESIS_S = 0.1  # on top of COM_OF_LOSS_T (recorded: 1.10-1.12 s with COM_OF_LOSS_T 1.0)
@@ -26,7 +26,7 @@ class _Modes(Protocol):
 
 
 class Failsafe:
-    """Watches a `Flight` at the commander's rate and changes modes through the commander."""
+    """Monitors a `Flight` at the commander's rate and changes modes through the commander."""
 
     def __init__(self, flight: Flight, commander: _Modes) -> None:
         self._flight, self._commander = flight, commander
@@ -63,7 +63,7 @@ class Failsafe:
                 self._commander.activate(px4.OFFBOARD)
 
     def _react_to_loss(self, action: int) -> None:
-        if action in (0, 1, 2):  # a manual mode, which there is no RC for: NAV_RCL_ACT decides
+        if action in (0, 1, 2):  # a manual mode, for which there is no RC: NAV_RCL_ACT decides
             manual = {1: 5, 2: 3, 3: 4, 5: 6, 6: 7}
             action = manual.get(int(self._flight.parameters["NAV_RCL_ACT"]), 3)
         if action == 6:
@@ -86,10 +86,10 @@ class Failsafe:
     def _watch_attitude(self) -> None:
         """PX4's failure detector (FD_FAIL_R, FD_FAIL_P): it terminates only if CBRK_FLIGHTTERM is not engaged."""
         flight, p = self._flight, self._flight.parameters
-        if p["CBRK_FLIGHTTERM"] == FLIGHTTERM_OFF or flight.landed or flight.situation[ARMED] == 0.0:
+        if p["CBRK_FLIGHTTERM"] == FLIGHTTERM_OFF or flight.landed or flight.situation[situation.ARMED] == 0.0:
             self._tipped_ns = -1
             return
-        roll, pitch, _ = to_euler(tuple(flight.estimate[6:10]))
+        roll, pitch, _ = to_euler(flight.attitude)
         rolled = p["FD_FAIL_R"] > 0 and abs(roll) > math.radians(p["FD_FAIL_R"])
         pitched = p["FD_FAIL_P"] > 0 and abs(pitch) > math.radians(p["FD_FAIL_P"])
         if not (rolled or pitched):

@@ -1,4 +1,4 @@
-"""PX4's land detector as far as its clients can see it: take-off by thrust, ground contact in steps, landed.
+"""PX4's land detector as far as clients can observe it: take-off by thrust, ground contact in steps, landed.
 
 Timing follows recorded flights: take-off about 0.2 s after the thrust passes a low threshold, landed 1.5 times
 LNDMC_TRIG_TIME after contact with the ground.
@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 
-from vehicle.px4.sim.control import LANDED, OUT_THRUST
-from vehicle.px4.sim.plant import ATTACHED, RESTING
+from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Flight
-from vehicle.quadrotor.dynamics import V, W
+from vehicle.quadrotor import state_row
 
 TAKEOFF_THRUST = 0.11  # normalised; below it nothing flies
 TAKEOFF_S = 0.18
@@ -19,7 +18,7 @@ STAGES = 1.5  # ground contact, maybe landed, landed, in units of LNDMC_TRIG_TIM
 
 
 class LandDetector:
-    """Keeps `flight.landed`, `took_off` and `contact`, and announces both changes."""
+    """Maintains `flight.landed`, `took_off` and `contact`, and announces both changes."""
 
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
@@ -28,7 +27,7 @@ class LandDetector:
     def update(self) -> None:
         """Run at the commander's rate."""
         flight = self._flight
-        thrust = float(flight.control[OUT_THRUST])
+        thrust = float(flight.control[control.OUT_THRUST])
         if not flight.armed:
             self._lifting_ns = flight.contact_ns = -1
             flight.contact = False
@@ -38,7 +37,7 @@ class LandDetector:
             self._look_for_takeoff(thrust)
         else:
             self._look_for_landing(thrust)
-        flight.control[LANDED] = 1.0 if flight.landed else 0.0
+        flight.control[control.LANDED] = 1.0 if flight.landed else 0.0
 
     def _look_for_takeoff(self, thrust: float) -> None:
         flight = self._flight
@@ -53,7 +52,7 @@ class LandDetector:
 
     def _look_for_landing(self, thrust: float) -> None:
         flight = self._flight
-        on_something = flight.situation[RESTING] > 0.0 or flight.situation[ATTACHED] > 0.0
+        on_something = flight.situation[situation.RESTING] > 0.0 or flight.situation[situation.ATTACHED] > 0.0
         low = flight.landing if on_something else False
         if not (self._still() and (low or thrust < TAKEOFF_THRUST)):
             flight.contact_ns, flight.contact = -1, False
@@ -70,9 +69,9 @@ class LandDetector:
         flight = self._flight
         row, parameters = flight.row, flight.parameters
         return (
-            abs(row[V + 2]) < parameters["LNDMC_Z_VEL_MAX"]
-            and math.hypot(row[V], row[V + 1]) < parameters["LNDMC_XY_VEL_MAX"]
-            and abs(row[W : W + 3]).max() < math.radians(parameters["LNDMC_ROT_MAX"]) * 2.0
+            abs(row[state_row.V + 2]) < parameters["LNDMC_Z_VEL_MAX"]
+            and math.hypot(row[state_row.V], row[state_row.V + 1]) < parameters["LNDMC_XY_VEL_MAX"]
+            and abs(row[state_row.W : state_row.W + 3]).max() < math.radians(parameters["LNDMC_ROT_MAX"]) * 2.0
         )
 
     def _land(self, announce: bool) -> None:

@@ -8,36 +8,17 @@ import numpy as np
 
 from kernel.rotations import yaw
 from vehicle.px4 import protocol as px4
-from vehicle.px4.sim.control import (
-    ACC_SP,
-    GAINS,
-    MAX_DOWN,
-    MAX_TILT,
-    MAX_UP,
-    MAX_XY,
-    MODE,
-    OFF,
-    PARAMETERS,
-    POS_SP,
-    POSITION,
-    RAMP,
-    SMOOTH,
-    VEL_SP,
-    YAW_RATE_SP,
-    YAW_SP,
-    reset_cascade,
-)
-from vehicle.px4.sim.plant import GROUND
+from vehicle.px4.sim.cascade import reset_cascade
+from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Flight
 from vehicle.quadrotor.airframe import GRAVITY
 
-CRAWL_HEIGHT = 0.75  # m above ground; MPC_LAND_CRWL is asked for from here (recorded)
+CRAWL_HEIGHT = 0.75  # m above ground; below it the descent is limited to MPC_LAND_CRWL (recorded)
 RAMP_DELAY_NS = 60_000_000  # before the take-off ramp moves (recorded)
-CLIMB_SHARE = 0.6  # of MPC_TKO_SPEED that a recorded take-off really reaches
-RTL_DESCENT_SHARE = 0.86  # of MPC_LAND_SPEED that the end of a recorded return descends at
+CLIMB_SHARE = 0.6  # of MPC_TKO_SPEED that recorded take-offs reach
+RTL_DESCENT_SHARE = 0.86  # of MPC_LAND_SPEED at which recorded returns descend at their end
 RTL_ANNOUNCE_S = 0.055
-RTL_RETURN_S = 2.4  # of settling before "land at destination" when home is near (recorded)
-_Z_P = GAINS + PARAMETERS.index("MPC_Z_VEL_P_ACC")
+RTL_RETURN_S = 2.4  # of hovering before "land at destination" when home is near (recorded)
 
 
 class Navigator:
@@ -58,7 +39,7 @@ class Navigator:
         self._phase, self._announced = "", False
         if px4.split_custom_mode(mode)[0] not in (px4.Main.AUTO, px4.Main.ALTCTL):
             return
-        if c[MODE] != POSITION:
+        if c[control.MODE] != control.POSITION:
             reset_cascade(c, flight.estimate)
         x, y, z = flight.position
         vx, vy, vz = flight.velocity
@@ -67,10 +48,10 @@ class Navigator:
         if not (mode == px4.HOLD and self._keep_target):
             self._target[:] = (x + 0.5 * vx * speed * brake, y + 0.5 * vy * speed * brake, z + 0.2 * vz)
         self._keep_target = False
-        c[MODE], c[SMOOTH] = POSITION, 1.0
-        c[POS_SP : YAW_RATE_SP + 1] = math.nan
-        c[YAW_SP] = yaw(tuple(flight.estimate[6:10]))
-        c[RAMP] = math.inf
+        c[control.MODE], c[control.SMOOTH] = control.POSITION, 1.0
+        c[control.POS_SP : control.YAW_RATE_SP + 1] = math.nan
+        c[control.YAW_SP] = yaw(flight.attitude)
+        c[control.RAMP] = math.inf
         self._takeoff_ns = -1
         if mode == px4.TAKEOFF:
             base = flight.home[2] if flight.home else z
@@ -79,19 +60,21 @@ class Navigator:
             self._phase = "return"
 
     def update(self) -> int | None:
-        """Refresh the set-points; returns the mode to go to when the present one has done its work, else None."""
+        """Refresh the set-points; returns the mode that follows when the present one is complete, else None."""
         flight, c, p = self._flight, self._flight.control, self._flight.parameters
         mode = flight.active
         main = px4.split_custom_mode(mode)[0]
         if main not in (px4.Main.AUTO, px4.Main.ALTCTL):
             return None
-        c[MODE] = POSITION if flight.armed and not self._idle() else OFF
-        c[MAX_XY], c[MAX_TILT] = p["MPC_XY_CRUISE"], math.radians(p["MPC_TILTMAX_AIR"])
-        c[MAX_UP], c[MAX_DOWN] = p["MPC_Z_V_AUTO_UP"], p["MPC_Z_V_AUTO_DN"]
-        c[POS_SP : POS_SP + 3] = self._target
-        c[VEL_SP : ACC_SP + 3] = math.nan
+        c[control.MODE] = control.POSITION if flight.armed and not self._idle() else control.OFF
+        c[control.MAX_XY], c[control.MAX_TILT] = p["MPC_XY_CRUISE"], math.radians(p["MPC_TILTMAX_AIR"])
+        c[control.MAX_UP], c[control.MAX_DOWN] = p["MPC_Z_V_AUTO_UP"], p["MPC_Z_V_AUTO_DN"]
+        c[control.POS_SP : control.POS_SP + 3] = self._target
+        c[control.VEL_SP : control.ACC_SP + 3] = math.nan
         if main == px4.Main.ALTCTL:
-            c[POS_SP : POS_SP + 2] = math.nan  # level and no position: drifts, keeps its height
+            c[control.POS_SP : control.POS_SP + 2] = (
+                math.nan
+            )  # level without position control: drifts, holds its height
             return None
         if mode == px4.TAKEOFF:
             return self._take_off()
@@ -102,7 +85,7 @@ class Navigator:
         return None
 
     def _idle(self) -> bool:
-        """On the ground with nothing to do, or cut after touching down."""
+        """On the ground without a take-off, or thrust cut after touch-down."""
         flight = self._flight
         if flight.landed:
             return flight.active != px4.TAKEOFF or not spooled_up(flight)
@@ -112,12 +95,12 @@ class Navigator:
     def _take_off(self) -> int | None:
         flight, c, p = self._flight, self._flight.control, self._flight.parameters
         if flight.took_off and self._takeoff_ns < 0:
-            c[RAMP] = math.inf  # take-off asked for in the air
+            c[control.RAMP] = math.inf  # take-off commanded in the air
         elif spooled_up(flight):
             if self._takeoff_ns < 0:
                 self._takeoff_ns = flight.now_ns
                 reset_cascade(c, flight.estimate)
-            c[RAMP] = takeoff_ramp(flight, self._takeoff_ns)
+            c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns)
         if flight.took_off and flight.position[2] > self._target[2] - float(p["NAV_MC_ALT_RAD"]):
             self._keep_target = True
             return px4.HOLD
@@ -126,15 +109,15 @@ class Navigator:
     def _descend(self, share_of_speed: float = 1.0) -> None:
         flight, c, p = self._flight, self._flight.control, self._flight.parameters
         flight.landing = True
-        height = float(flight.row[2]) - float(flight.situation[GROUND])  # the distance sensor's
+        height = flight.true_position[2] - float(flight.situation[situation.GROUND])  # the distance sensor's
         low, high = float(p["MPC_LAND_ALT2"]), float(p["MPC_LAND_ALT1"])
         slow, fast = share_of_speed * float(p["MPC_LAND_SPEED"]), float(p["MPC_Z_V_AUTO_DN"])
         share = min(1.0, max(0.0, (height - low) / max(0.1, high - low)))
         speed = slow + share * (fast - slow)
         if height < CRAWL_HEIGHT:
             speed = min(speed, float(p["MPC_LAND_CRWL"]))
-        c[POS_SP + 2] = math.nan
-        c[VEL_SP + 2] = -speed
+        c[control.POS_SP + 2] = math.nan
+        c[control.VEL_SP + 2] = -speed
 
     def _return_home(self) -> None:
         flight, p = self._flight, self._flight.parameters
@@ -168,6 +151,6 @@ def takeoff_ramp(flight: Flight, started_ns: int) -> float:
     """Ceiling of the climb rate (m/s): from where its thrust is zero up in MPC_TKO_RAMP_T."""
     p = flight.parameters
     started_ns += RAMP_DELAY_NS
-    start, end = -GRAVITY / float(flight.control[_Z_P]), CLIMB_SHARE * float(p["MPC_TKO_SPEED"])
+    start, end = -GRAVITY / float(flight.control[control.Z_VEL_P]), CLIMB_SHARE * float(p["MPC_TKO_SPEED"])
     share = (flight.now_ns - started_ns) * 1e-9 / max(0.1, float(p["MPC_TKO_RAMP_T"]))
     return start + max(0.0, min(1.0, share)) * (end - start)

@@ -1,4 +1,4 @@
-"""OFFBOARD set-points: which messages count, what they mean in ENU/FLU, and how they reach the control row."""
+"""OFFBOARD set-points: which messages PX4 accepts, their conversion to ENU/FLU, and the control row."""
 
 from __future__ import annotations
 
@@ -8,29 +8,9 @@ from typing import Any
 from kernel.rotations import normalise, swap_attitude, swap_yaw
 from vehicle.px4 import protocol as px4
 from vehicle.px4.protocol import AttitudeMask, PositionMask
-from vehicle.px4.sim.control import (
-    ACC_SP,
-    ATT_SP,
-    ATTITUDE,
-    MAX_DOWN,
-    MAX_TILT,
-    MAX_UP,
-    MAX_XY,
-    MODE,
-    OFF,
-    POS_SP,
-    POSITION,
-    RAMP,
-    RATE_SP,
-    RATES,
-    SMOOTH,
-    THRUST_SP,
-    VEL_SP,
-    YAW_RATE_SP,
-    YAW_SP,
-    reset_cascade,
-)
+from vehicle.px4.sim.cascade import reset_cascade
 from vehicle.px4.sim.navigator import spooled_up, takeoff_ramp
+from vehicle.px4.sim.rows import control
 from vehicle.px4.sim.state import Flight
 
 
@@ -41,10 +21,10 @@ class Offboard:
         self._flight = flight
         self._values: tuple[Any, ...] = ()
         self._ramp_ns = -1
-        self.rejected = 0  # set-points that do not count, or are not finite where they must be
+        self.rejected = 0  # set-points with a mask or frame that PX4 ignores, or that are not finite
 
     def attitude_target(self, m: Any) -> None:
-        """SET_ATTITUDE_TARGET, addressed to us."""
+        """SET_ATTITUDE_TARGET, addressed to this autopilot."""
         mask = m.type_mask
         thrust = 0.0 if mask & AttitudeMask.THROTTLE else m.thrust
         yaw_rate = math.nan if mask & AttitudeMask.YAW_RATE else -m.body_yaw_rate
@@ -52,18 +32,18 @@ class Offboard:
             if not math.isfinite(thrust) or math.isinf(m.body_roll_rate + m.body_pitch_rate + m.body_yaw_rate):
                 self.rejected += 1
                 return
-            self._heard("rates", ((m.body_roll_rate, -m.body_pitch_rate, yaw_rate), thrust))
+            self._store("rates", ((m.body_roll_rate, -m.body_pitch_rate, yaw_rate), thrust))
         elif px4.counts_as_attitude(mask):
             if not all(map(math.isfinite, (*m.q, thrust))):
                 self.rejected += 1
                 return
             attitude = swap_attitude(normalise(m.q))
-            self._heard("attitude", (attitude, thrust, yaw_rate if math.isfinite(yaw_rate) else math.nan))
+            self._store("attitude", (attitude, thrust, yaw_rate if math.isfinite(yaw_rate) else math.nan))
         else:
             self.rejected += 1
 
     def position_target(self, m: Any) -> None:
-        """SET_POSITION_TARGET_LOCAL_NED, addressed to us; only LOCAL_NED counts, ignored fields become NaN."""
+        """SET_POSITION_TARGET_LOCAL_NED, addressed to this autopilot; LOCAL_NED only, ignored fields become NaN."""
         mask = m.type_mask
         if m.coordinate_frame != px4.FRAME_LOCAL_NED or not px4.counts_as_position(mask) or mask & PositionMask.FORCE:
             self.rejected += 1
@@ -84,9 +64,9 @@ class Offboard:
         if any(map(math.isinf, (*position, *velocity, *acceleration))):
             self.rejected += 1
             return
-        self._heard("position", (position, velocity, acceleration, heading, rate))
+        self._store("position", (position, velocity, acceleration, heading, rate))
 
-    def _heard(self, kind: str, values: tuple[Any, ...]) -> None:
+    def _store(self, kind: str, values: tuple[Any, ...]) -> None:
         flight, setpoint = self._flight, self._flight.setpoint
         limit = flight.parameters["COM_OF_LOSS_T"] * 1e9
         if setpoint.last_ns < 0 or flight.now_ns - setpoint.last_ns > limit:
@@ -99,42 +79,44 @@ class Offboard:
     def enter(self) -> None:
         """OFFBOARD has just become active."""
         c = self._flight.control
-        c[MODE], c[RAMP], c[SMOOTH] = OFF, math.inf, 0.0
-        c[POS_SP : YAW_RATE_SP + 1] = math.nan
+        c[control.MODE], c[control.RAMP], c[control.SMOOTH] = control.OFF, math.inf, 0.0
+        c[control.POS_SP : control.YAW_RATE_SP + 1] = math.nan
         self._ramp_ns = -1
 
     def apply(self) -> None:
         """Write the newest set-point, if any, into the control row."""
         flight, c = self._flight, self._flight.control
         if not self._values or not flight.armed:
-            c[MODE] = OFF
+            c[control.MODE] = control.OFF
             return
         kind = flight.setpoint.kind
         if kind == "rates":
-            (c[RATE_SP], c[RATE_SP + 1], c[RATE_SP + 2]), c[THRUST_SP] = self._values
-            c[MODE] = RATES
+            c[control.RATE_SP : control.RATE_SP + 3], c[control.THRUST_SP] = self._values
+            c[control.MODE] = control.RATES
         elif kind == "attitude":
-            (c[ATT_SP], c[ATT_SP + 1], c[ATT_SP + 2], c[ATT_SP + 3]), c[THRUST_SP], c[YAW_RATE_SP] = self._values
-            c[MODE] = ATTITUDE
+            c[control.ATT_SP : control.ATT_SP + 4], c[control.THRUST_SP], c[control.YAW_RATE_SP] = self._values
+            c[control.MODE] = control.ATTITUDE
         else:
             self._apply_position()
 
     def _apply_position(self) -> None:
         flight, c, p = self._flight, self._flight.control, self._flight.parameters
-        if c[MODE] != POSITION:
+        if c[control.MODE] != control.POSITION:
             reset_cascade(c, flight.estimate)
-        position, velocity, acceleration, c[YAW_SP], c[YAW_RATE_SP] = self._values
-        c[POS_SP : POS_SP + 3], c[VEL_SP : VEL_SP + 3], c[ACC_SP : ACC_SP + 3] = position, velocity, acceleration
-        c[MAX_XY], c[MAX_TILT] = p["MPC_XY_VEL_MAX"], math.radians(p["MPC_TILTMAX_AIR"])
-        c[MAX_UP], c[MAX_DOWN], c[SMOOTH] = p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"], 0.0
-        c[RAMP], c[MODE] = math.inf, POSITION
+        position, velocity, acceleration, c[control.YAW_SP], c[control.YAW_RATE_SP] = self._values
+        c[control.POS_SP : control.POS_SP + 3] = position
+        c[control.VEL_SP : control.VEL_SP + 3] = velocity
+        c[control.ACC_SP : control.ACC_SP + 3] = acceleration
+        c[control.MAX_XY], c[control.MAX_TILT] = p["MPC_XY_VEL_MAX"], math.radians(p["MPC_TILTMAX_AIR"])
+        c[control.MAX_UP], c[control.MAX_DOWN], c[control.SMOOTH] = p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"], 0.0
+        c[control.RAMP], c[control.MODE] = math.inf, control.POSITION
         if not flight.took_off and self._ramp_ns < 0:
             if not spooled_up(flight):
-                c[MODE] = OFF
+                c[control.MODE] = control.OFF
                 return
             self._ramp_ns = flight.now_ns
         if self._ramp_ns >= 0:
-            c[RAMP] = takeoff_ramp(flight, self._ramp_ns)
+            c[control.RAMP] = takeoff_ramp(flight, self._ramp_ns)
             if flight.now_ns - self._ramp_ns > p["MPC_TKO_RAMP_T"] * 1e9:
-                c[RAMP] = math.inf
+                c[control.RAMP] = math.inf
                 self._ramp_ns = -1 if flight.took_off else self._ramp_ns

@@ -1,4 +1,4 @@
-"""What PX4 says without being asked: texts (in chunks), events beside them, pushed parameters, gimbal commands."""
+"""What PX4 sends by itself: texts (in chunks) with their events, changed parameters, gimbal commands."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import math
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import MESSAGES as M
 from vehicle.px4.protocol import Command as Cmd
-from vehicle.px4.sim.messages import gps_global_origin
+from vehicle.px4.sim.motion_messages import gps_global_origin
 from vehicle.px4.sim.port import Port
 from vehicle.px4.sim.view import View
 
 BOOT_PUSH_NS = 1_004_000_000
-# Parameters that a SITL changes while booting and therefore tells everyone.
+# Parameters that a SITL changes while booting and therefore sends on all links.
 PUSHED_AT_BOOT = (
     *("CAL_ACC0_ID", "CAL_ACC1_ID", "CAL_ACC2_ID", "CAL_BARO0_ID", "CAL_BARO0_OFF", "CAL_BARO0_PRIO"),
     *("CAL_GYRO0_ID", "CAL_GYRO1_ID", "CAL_GYRO2_ID", "CAL_MAG0_ID", "CAL_MAG0_PRIO", "CAL_MAG1_ID", "CAL_MAG1_PRIO"),
@@ -20,7 +20,7 @@ PUSHED_AT_BOOT = (
 )
 BAROMETER_PUSH_NS = 5_300_000_000
 PUSHED_LATER = ("CAL_BARO0_ID", "CAL_BARO0_OFF", "CAL_BARO0_PRIO")
-GIMBAL_REPEATS_S = (0.0, 1.0, 1.5, 2.0)  # PX4 repeats a command that nobody acknowledges
+GIMBAL_REPEATS_S = (0.0, 1.0, 1.5, 2.0)  # PX4 repeats a command that is not acknowledged
 
 
 class Outbox:
@@ -76,7 +76,7 @@ class Outbox:
                 port.send_param(name, p.wire(name), p.kind(name), len(p), p.index(name))
 
     def _gimbal(self) -> None:
-        """PX4's navigator takes and releases a gimbal that is not there; clients must not mistake it for a peer."""
+        """PX4's navigator takes and releases a gimbal that does not exist; a client must not take it for a peer."""
         if self._gimbal_since_ns < 0 or self._gimbal_sent >= len(GIMBAL_REPEATS_S):
             return
         since = (self._view.flight.now_ns - self._gimbal_since_ns) * 1e-9

@@ -1,4 +1,4 @@
-"""PX4's parameter store: the 887 parameters a v1.17 SITL quadrotor has in use, with PX4's rules for setting them."""
+"""PX4's parameter store: the 887 parameters that a v1.17 SITL quadrotor uses, with PX4's rules for setting them."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from pathlib import Path
 
 import numpy as np
 
-from vehicle.px4.sim.control import GAINS, PARAMETERS
-from vehicle.quadrotor import airframe as af
+from vehicle.px4.sim.rows import control
+from vehicle.quadrotor import airframe_row
 from vehicle.quadrotor.airframe import Airframe
 
 DEFAULTS = Path(__file__).parent / "params.json"
 UINT32, INT32, REAL32 = 5, 6, 9  # MAV_PARAM_TYPE
 HASH_NAME, NO_INDEX = "_HASH_CHECK", 65535
 
-_RATE_GAINS = {"P": af.RATE_P, "I": af.RATE_I, "D": af.RATE_D, "K": af.RATE_K}
-# Where the rate loop's parameters stand in a params row.
+_RATE_GAINS = {"P": airframe_row.RATE_P, "I": airframe_row.RATE_I, "D": airframe_row.RATE_D, "K": airframe_row.RATE_K}
+# Index of the rate loop's parameters in a params row.
 RATE_LOOP = {
     f"MC_{axis}RATE_{gain}": index + i
     for gain, index in _RATE_GAINS.items()
     for i, axis in enumerate(("ROLL", "PITCH", "YAW"))
 } | {
-    "MC_RR_INT_LIM": af.RATE_LIMIT_I,
-    "MC_PR_INT_LIM": af.RATE_LIMIT_I + 1,
-    "MC_YR_INT_LIM": af.RATE_LIMIT_I + 2,
-    "IMU_GYRO_CUTOFF": af.GYRO_CUTOFF,
-    "IMU_DGYRO_CUTOFF": af.DGYRO_CUTOFF,
-    "MC_YAW_TQ_CUTOFF": af.YAW_TORQUE_CUTOFF,
+    "MC_RR_INT_LIM": airframe_row.RATE_LIMIT_I,
+    "MC_PR_INT_LIM": airframe_row.RATE_LIMIT_I + 1,
+    "MC_YR_INT_LIM": airframe_row.RATE_LIMIT_I + 2,
+    "IMU_GYRO_CUTOFF": airframe_row.GYRO_CUTOFF,
+    "IMU_DGYRO_CUTOFF": airframe_row.DGYRO_CUTOFF,
+    "MC_YAW_TQ_CUTOFF": airframe_row.YAW_TORQUE_CUTOFF,
 }
 
 
@@ -67,7 +67,7 @@ class Parameters:
         return struct.pack("<i" if self.is_int[name] else "<f", self.values[name])
 
     def set_wire(self, name: str, kind: int, four: bytes) -> bool | None:
-        """PARAM_SET: True if the value changed, False if it was that already, None if PX4 stays silent.
+        """PARAM_SET: True if the value changed, False if it had that value already, None if PX4 does not answer.
 
         A name or type that does not match is ignored without an answer; ranges are not checked.
         """
@@ -104,17 +104,17 @@ def airframe_overrides(frame: Airframe) -> dict[str, float]:
         "SIH_KDW": frame.body.angular_damping,
         "SIH_L_ROLL": frame.motors.arm_y,
         "SIH_L_PITCH": frame.motors.arm_x,
-        "SIH_T_MAX": float(row[af.MOTOR_THRUST]),
-        "SIH_Q_MAX": float(row[af.MOTOR_THRUST] * row[af.YAW_TORQUE]),
+        "SIH_T_MAX": float(row[airframe_row.MOTOR_THRUST]),
+        "SIH_Q_MAX": float(row[airframe_row.MOTOR_THRUST] * row[airframe_row.YAW_TORQUE]),
         "SIH_T_TAU": frame.motors.lag,
         "MPC_THR_HOVER": frame.hover_thrust,
     }
     return values
 
 
-def apply(parameters: Parameters, params: np.ndarray, control: np.ndarray) -> None:
+def apply(parameters: Parameters, params: np.ndarray, row: np.ndarray) -> None:
     """Write the rate loop's gains into a params row and the cascade's gains into a control row."""
     for name, index in RATE_LOOP.items():
         params[index] = parameters[name]
-    for i, name in enumerate(PARAMETERS):
-        control[GAINS + i] = parameters[name]
+    for i, name in enumerate(control.PARAMETERS):
+        row[control.GAINS + i] = parameters[name]

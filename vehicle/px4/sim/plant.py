@@ -20,34 +20,21 @@ from kernel.rotations import (
     to_euler,
     yaw,
 )
-from vehicle.px4.sim.control import EST_P, EST_Q, EST_V, EST_W, LANDED, OUT_RATE, OUT_THRUST, control_step
+from vehicle.px4.sim.cascade import control_step, quaternion_at
+from vehicle.px4.sim.rows import control, estimate, estimate_error, estimate_noise, situation, snapshot
+from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import GRAVITY
-from vehicle.quadrotor.dynamics import INTEGRAL, F, P, Q, V, W, column, motor_lag, vehicle_step
+from vehicle.quadrotor.dynamics import column, motor_lag, vehicle_step
 from vehicle.quadrotor.rate_control import filter_coefficients, rate_step
 
 TICK_NS = 4_000_000
 
-# Indices of a noise row: one-sigma and time constant (s) of the estimate's errors; white noise of sensors.
-POS_SIGMA, POS_TAU, VEL_SIGMA, VEL_TAU, ATT_SIGMA, ATT_TAU, GYRO_SIGMA, ACCEL_SIGMA = range(8)
-# Indices of an error row: correlated errors, then what external vision or its absence adds.
-ERR_P, ERR_V, ERR_A = 0, 3, 6  # 3 each: m, m/s, rad (rotation vector, body)
-BIAS_P, BIAS_V, BIAS_YAW = 9, 12, 15  # 3, 3, 1
-BLIND = 16  # 1: no horizontal position, x and y stay where they were last known
-KNOWN_X, KNOWN_Y = 17, 18
-NERR = 19
-# Indices of a situation row: what the body may do.
-ARMED, GROUND, ATTACHED, RESTING = 0, 1, 2, 3  # 0/1, m (height at which the centre of mass rests), 0/1, 0/1 (result)
-HEALTH = 4  # 4, what is left of each motor, 0..1
-NS = 8
-# Indices of a snapshot row, NED and FRD, relative to the local origin.
-S_P, S_V, S_Q, S_EULER, S_W, S_ACC, S_GYRO = 0, 3, 6, 10, 13, 16, 19
-NSNAP = 22
-
 
 @njit
-def _correlated(error, at, sigma, tau, stream, dt):
-    keep = math.exp(-dt / tau)
-    drive = sigma * math.sqrt(1.0 - keep * keep)
+def _correlated(error, at, noise, sigma, stream, dt):
+    """One step of a first-order Gauss-Markov error (3 at `at`); `sigma` is its index in the noise row, tau the next."""
+    keep = math.exp(-dt / noise[sigma + 1])
+    drive = noise[sigma] * math.sqrt(1.0 - keep * keep)
     for axis in range(3):
         error[at + axis] = keep * error[at + axis] + drive * normal(stream)
 
@@ -55,111 +42,150 @@ def _correlated(error, at, sigma, tau, stream, dt):
 @njit
 def estimate_step(row, est, error, noise, stream, dt):
     """The estimate (NE,) from the truth and errors that are first-order Gauss-Markov, plus biases and blindness."""
-    _correlated(error, ERR_P, noise[POS_SIGMA], noise[POS_TAU], stream, dt)
-    _correlated(error, ERR_V, noise[VEL_SIGMA], noise[VEL_TAU], stream, dt)
-    _correlated(error, ERR_A, noise[ATT_SIGMA], noise[ATT_TAU], stream, dt)
+    _correlated(error, estimate_error.POSITION, noise, estimate_noise.POSITION_SIGMA, stream, dt)
+    _correlated(error, estimate_error.VELOCITY, noise, estimate_noise.VELOCITY_SIGMA, stream, dt)
+    _correlated(error, estimate_error.ATTITUDE, noise, estimate_noise.ATTITUDE_SIGMA, stream, dt)
     for axis in range(3):
-        est[EST_P + axis] = row[P + axis] + error[ERR_P + axis] + error[BIAS_P + axis]
-        est[EST_V + axis] = row[V + axis] + error[ERR_V + axis] + error[BIAS_V + axis]
-        est[EST_W + axis] = row[W + axis] + noise[GYRO_SIGMA] * normal(stream)
-    if error[BLIND] > 0.0:
-        est[EST_P], est[EST_P + 1] = error[KNOWN_X], error[KNOWN_Y]
-        est[EST_V], est[EST_V + 1] = 0.0, 0.0
-    q = multiply(
-        (row[Q], row[Q + 1], row[Q + 2], row[Q + 3]),
-        from_rotation_vector(error[ERR_A], error[ERR_A + 1], error[ERR_A + 2]),
-    )
-    if error[BIAS_YAW] != 0.0:
-        q = multiply(from_rotation_vector(0.0, 0.0, error[BIAS_YAW]), q)
-    est[EST_Q], est[EST_Q + 1], est[EST_Q + 2], est[EST_Q + 3] = q[0], q[1], q[2], q[3]
+        position = row[state_row.P + axis] + error[estimate_error.POSITION + axis]
+        velocity = row[state_row.V + axis] + error[estimate_error.VELOCITY + axis]
+        est[estimate.POSITION + axis] = position + error[estimate_error.POSITION_BIAS + axis]
+        est[estimate.VELOCITY + axis] = velocity + error[estimate_error.VELOCITY_BIAS + axis]
+        est[estimate.RATE + axis] = row[state_row.W + axis] + noise[estimate_noise.GYRO_SIGMA] * normal(stream)
+    if error[estimate_error.BLIND] > 0.0:
+        est[estimate.POSITION] = error[estimate_error.KNOWN_X]
+        est[estimate.POSITION + 1] = error[estimate_error.KNOWN_Y]
+        est[estimate.VELOCITY], est[estimate.VELOCITY + 1] = 0.0, 0.0
+    tilt = estimate_error.ATTITUDE
+    q = multiply(quaternion_at(row, state_row.Q), from_rotation_vector(error[tilt], error[tilt + 1], error[tilt + 2]))
+    if error[estimate_error.YAW_BIAS] != 0.0:
+        q = multiply(from_rotation_vector(0.0, 0.0, error[estimate_error.YAW_BIAS]), q)
+    for i in range(4):
+        est[estimate.ATTITUDE + i] = q[i]
 
 
 @njit
 def _stand_on_ground(row, ground):
-    """The ground takes all motion and keeps the vehicle level at its heading."""
-    row[P + 2] = ground
+    """The ground stops all motion and holds the vehicle level at its heading."""
+    row[state_row.P + 2] = ground
     for i in range(3):
-        row[V + i] = 0.0
-        row[W + i] = 0.0
-        row[INTEGRAL + i] = 0.0
-    q = from_euler(0.0, 0.0, yaw((row[Q], row[Q + 1], row[Q + 2], row[Q + 3])))
-    row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = q[0], q[1], q[2], q[3]
-    row[F], row[F + 1], row[F + 2] = 0.0, 0.0, GRAVITY
+        row[state_row.V + i] = 0.0
+        row[state_row.W + i] = 0.0
+        row[state_row.INTEGRAL + i] = 0.0
+    q = from_euler(0.0, 0.0, yaw(quaternion_at(row, state_row.Q)))
+    for i in range(4):
+        row[state_row.Q + i] = q[i]
+    row[state_row.F], row[state_row.F + 1], row[state_row.F + 2] = 0.0, 0.0, GRAVITY
 
 
 @njit
 def _carried(row, dt):
-    """Held by the magnet: moves on with the board's last known motion until the board's next pose arrives."""
+    """Held by the magnet: moves with the board's last known motion until the next pose of the board comes."""
     for i in range(3):
-        row[P + i] += dt * row[V + i]
-        row[INTEGRAL + i] = 0.0
-    q = integrate((row[Q], row[Q + 1], row[Q + 2], row[Q + 3]), row[W], row[W + 1], row[W + 2], dt)
-    row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = q[0], q[1], q[2], q[3]
+        row[state_row.P + i] += dt * row[state_row.V + i]
+        row[state_row.INTEGRAL + i] = 0.0
+    q = integrate(quaternion_at(row, state_row.Q), row[state_row.W], row[state_row.W + 1], row[state_row.W + 2], dt)
+    for i in range(4):
+        row[state_row.Q + i] = q[i]
     x, y, z = rotate_back(q, 0.0, 0.0, GRAVITY)
-    row[F], row[F + 1], row[F + 2] = x, y, z
+    row[state_row.F], row[state_row.F + 1], row[state_row.F + 2] = x, y, z
 
 
 @njit
-def tick(row, params, c, est, error, noise, stream, situation, dt, substeps):
+def tick(row, params, c, est, error, noise, stream, body, dt, substeps):
     """Advance everything by `dt` s: vehicle row, control row, estimate row; see the index tables above."""
     estimate_step(row, est, error, noise, stream, dt)
-    armed = situation[ARMED] > 0.0
+    armed = body[situation.ARMED] > 0.0
     if armed:
         control_step(c, est, dt)
     else:
         for axis in range(3):
-            c[OUT_RATE + axis] = 0.0
-        c[OUT_THRUST] = 0.0
+            c[control.OUT_RATE + axis] = 0.0
+        c[control.OUT_THRUST] = 0.0
     h = dt / substeps
     k, lag = filter_coefficients(params, h), motor_lag(params, h)
     s, p = column(row), column(params)
-    setpoint = (c[OUT_RATE], c[OUT_RATE + 1], c[OUT_RATE + 2])
+    setpoint = (c[control.OUT_RATE], c[control.OUT_RATE + 1], c[control.OUT_RATE + 2])
     resting = False
     for _ in range(substeps):
         u = (0.0, 0.0, 0.0, 0.0)
         if armed:
-            u0, u1, u2, u3 = rate_step(s, 0, setpoint, c[OUT_THRUST], p, k, h)
+            u0, u1, u2, u3 = rate_step(s, 0, setpoint, c[control.OUT_THRUST], p, k, h)
             u = (
-                u0 * situation[HEALTH],
-                u1 * situation[HEALTH + 1],
-                u2 * situation[HEALTH + 2],
-                u3 * situation[HEALTH + 3],
+                u0 * body[situation.HEALTH],
+                u1 * body[situation.HEALTH + 1],
+                u2 * body[situation.HEALTH + 2],
+                u3 * body[situation.HEALTH + 3],
             )
-        if situation[ATTACHED] > 0.0:
-            px, py, pz, q0, q1, q2, q3 = row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3]
-            vx, vy, vz, wx, wy, wz = row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2]
-            vehicle_step(s, 0, u, p, lag, h)  # for the motors' sake
-            row[P], row[P + 1], row[P + 2], row[Q], row[Q + 1], row[Q + 2], row[Q + 3] = px, py, pz, q0, q1, q2, q3
-            row[V], row[V + 1], row[V + 2], row[W], row[W + 1], row[W + 2] = vx, vy, vz, wx, wy, wz
+        if body[situation.ATTACHED] > 0.0:
+            px, py, pz, q0, q1, q2, q3 = (
+                row[state_row.P],
+                row[state_row.P + 1],
+                row[state_row.P + 2],
+                row[state_row.Q],
+                row[state_row.Q + 1],
+                row[state_row.Q + 2],
+                row[state_row.Q + 3],
+            )
+            vx, vy, vz, wx, wy, wz = (
+                row[state_row.V],
+                row[state_row.V + 1],
+                row[state_row.V + 2],
+                row[state_row.W],
+                row[state_row.W + 1],
+                row[state_row.W + 2],
+            )
+            vehicle_step(s, 0, u, p, lag, h)  # advances the motors only
+            (
+                row[state_row.P],
+                row[state_row.P + 1],
+                row[state_row.P + 2],
+                row[state_row.Q],
+                row[state_row.Q + 1],
+                row[state_row.Q + 2],
+                row[state_row.Q + 3],
+            ) = px, py, pz, q0, q1, q2, q3
+            (
+                row[state_row.V],
+                row[state_row.V + 1],
+                row[state_row.V + 2],
+                row[state_row.W],
+                row[state_row.W + 1],
+                row[state_row.W + 2],
+            ) = vx, vy, vz, wx, wy, wz
             _carried(row, h)
         else:
             vehicle_step(s, 0, u, p, lag, h)
-            resting = row[P + 2] <= situation[GROUND] and row[V + 2] <= 0.0
+            resting = row[state_row.P + 2] <= body[situation.GROUND] and row[state_row.V + 2] <= 0.0
             if resting:
-                _stand_on_ground(row, situation[GROUND])
-        if c[LANDED] > 0.0:
+                _stand_on_ground(row, body[situation.GROUND])
+        if c[control.LANDED] > 0.0:
             for axis in range(3):
-                row[INTEGRAL + axis] = 0.0
-    situation[RESTING] = 1.0 if resting else 0.0
+                row[state_row.INTEGRAL + axis] = 0.0
+    body[situation.RESTING] = 1.0 if resting else 0.0
 
 
 @njit
-def snapshot(row, est, noise, stream, origin_x, origin_y, origin_z, out):
-    """What streams report, NED/FRD (NSNAP,): estimated position, velocity, attitude, Euler angles, rates; sensors."""
-    out[S_P], out[S_P + 1], out[S_P + 2] = (
-        est[EST_P + 1] - origin_y,
-        est[EST_P] - origin_x,
-        origin_z - est[EST_P + 2],
-    )
-    out[S_V], out[S_V + 1], out[S_V + 2] = est[EST_V + 1], est[EST_V], -est[EST_V + 2]
-    q = swap_attitude((est[EST_Q], est[EST_Q + 1], est[EST_Q + 2], est[EST_Q + 3]))
+def fill_snapshot(row, est, noise, stream, origin_x, origin_y, origin_z, out):
+    """Fill the snapshot row `out` from the estimate row, with the sensors' own noise; origin: PX4's local origin, m."""
+    out[snapshot.POSITION] = est[estimate.POSITION + 1] - origin_y
+    out[snapshot.POSITION + 1] = est[estimate.POSITION] - origin_x
+    out[snapshot.POSITION + 2] = origin_z - est[estimate.POSITION + 2]
+    out[snapshot.VELOCITY] = est[estimate.VELOCITY + 1]
+    out[snapshot.VELOCITY + 1] = est[estimate.VELOCITY]
+    out[snapshot.VELOCITY + 2] = -est[estimate.VELOCITY + 2]
+    q = swap_attitude(quaternion_at(est, estimate.ATTITUDE))
     sign = 1.0 if q[0] >= 0.0 else -1.0
     for i in range(4):
-        out[S_Q + i] = sign * q[i]
+        out[snapshot.ATTITUDE + i] = sign * q[i]
     roll, pitch, heading = to_euler(q)
-    out[S_EULER], out[S_EULER + 1], out[S_EULER + 2] = roll, pitch, heading
-    out[S_W], out[S_W + 1], out[S_W + 2] = est[EST_W], -est[EST_W + 1], -est[EST_W + 2]
-    out[S_ACC] = row[F] + noise[ACCEL_SIGMA] * normal(stream)
-    out[S_ACC + 1] = -row[F + 1] + noise[ACCEL_SIGMA] * normal(stream)
-    out[S_ACC + 2] = -row[F + 2] + noise[ACCEL_SIGMA] * normal(stream)
-    out[S_GYRO], out[S_GYRO + 1], out[S_GYRO + 2] = out[S_W], out[S_W + 1], out[S_W + 2]
+    out[snapshot.EULER] = roll
+    out[snapshot.EULER + 1] = pitch
+    out[snapshot.EULER + 2] = heading
+    out[snapshot.RATE] = est[estimate.RATE]
+    out[snapshot.RATE + 1] = -est[estimate.RATE + 1]
+    out[snapshot.RATE + 2] = -est[estimate.RATE + 2]
+    out[snapshot.ACCELERATION] = row[state_row.F] + noise[estimate_noise.ACCEL_SIGMA] * normal(stream)
+    out[snapshot.ACCELERATION + 1] = -row[state_row.F + 1] + noise[estimate_noise.ACCEL_SIGMA] * normal(stream)
+    out[snapshot.ACCELERATION + 2] = -row[state_row.F + 2] + noise[estimate_noise.ACCEL_SIGMA] * normal(stream)
+    for axis in range(3):
+        out[snapshot.GYRO + axis] = out[snapshot.RATE + axis]

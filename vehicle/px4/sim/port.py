@@ -1,9 +1,9 @@
-"""One MAVLink instance of the software PX4: what it sends when, what it hears, to whom it talks.
+"""One MAVLink instance of the software PX4: its streams, the frames it receives, and its partner.
 
-PX4 binds a UDP port, speaks first to a default address, and keeps the first sender it hears as its partner for the life
-of the process; others' packets are processed all the same. Addresses are the wire's business: a UDP wire for this port
-is one that starts with PX4's default peer, keeps the first partner and lets strangers' datagrams in. A wire in memory
-has one partner anyway.
+PX4 binds a UDP port, sends to a default address, and keeps the first sender as its partner for the life of the
+process; packets of other senders are processed as well. Addresses belong to the wire: a UDP wire for this port starts
+with PX4's default peer, keeps the first partner and accepts datagrams of other senders. A wire in memory has one
+partner only.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ FASTEST_NS = 4_484_000  # PX4's 250 Hz loop gives 223 Hz at most
 
 
 class Wire(Protocol):
-    """What a port needs of a wire: `send` a datagram, `receive` those that came (never blocks)."""
+    """What a port needs of a wire: `send` one datagram, `receive` those that have come (never blocks)."""
 
-    def send(self, data: bytes, /) -> None: ...
+    def send(self, data: bytes, /) -> object: ...
 
     def receive(self) -> list[bytes]: ...
 
@@ -71,7 +71,7 @@ class Port:
         self.reschedule()
 
     def reschedule(self) -> None:
-        """To be called after any stream's interval has changed."""
+        """Call it after a stream's interval has changed."""
         self._active = [s for s in self.streams.values() if s.interval_ns]
         self._next_ns = 0
 
@@ -92,7 +92,7 @@ class Port:
         self._next_ns = soonest
 
     def send(self, message: MessageType, *values: Any) -> None:
-        """Put one message into the datagram under way."""
+        """Add one message to the datagram of this tick."""
         self._pending.append(self.packer.pack(message, *values))
 
     def send_name(self, name: str, *values: Any) -> None:
@@ -105,11 +105,11 @@ class Port:
         self._pending.append(self.packer.pack_payload(MESSAGES["PARAM_VALUE"], payload))
 
     def queue_params(self, names: list[str]) -> None:
-        """Owe these parameters to the partner."""
+        """Queue these parameters for sending."""
         self._params = names
 
     def take_params(self) -> list[str]:
-        """The next parameters owed."""
+        """The next queued parameters to send."""
         if not self._params:
             return []
         now, self._params = self._params[:PARAMS_PER_TICK], self._params[PARAMS_PER_TICK:]
@@ -120,7 +120,7 @@ class Port:
         self._pending.append(frame)
 
     def flush(self) -> None:
-        """Send the datagram under way, if there is one."""
+        """Send the datagram of this tick, if there is one."""
         if self._pending:
             data = b"".join(self._pending)
             self.sent += len(self._pending)
@@ -129,7 +129,7 @@ class Port:
             self._wire.send(data)
 
     def receive(self) -> list[Frame]:
-        """Frames that have come, oldest first; garbage is counted in `parser`."""
+        """Received frames, oldest first; garbage is counted in `parser`."""
         frames: list[Frame] = []
         for data in self._wire.receive():
             self.received_bytes += len(data)

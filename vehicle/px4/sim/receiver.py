@@ -1,4 +1,4 @@
-"""What the software PX4 does with a frame it hears: answer, store, queue for the commander, pass on."""
+"""What the software PX4 does with a received frame: answer, store, queue for the commander, forward."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vehicle.px4.codec import MESSAGES as M
 from vehicle.px4.codec import Frame
 from vehicle.px4.protocol import Command as Cmd
 from vehicle.px4.protocol import Result
-from vehicle.px4.sim import messages as build
+from vehicle.px4.sim.motion_messages import gps_global_origin
 from vehicle.px4.sim.params import HASH_NAME, NO_INDEX, UINT32, Parameters
 from vehicle.px4.sim.port import Port
 from vehicle.px4.sim.state import Command
@@ -37,9 +37,9 @@ class Receiver:
     def __init__(self, view: View, ports: dict[str, Port], on_parameter: Callable[[], None]) -> None:
         self._view, self._ports, self._on_parameter = view, ports, on_parameter
         self._flight, self._commander = view.flight, view.commander
-        self._echo: list[tuple[int, str]] = []  # (PX4 ns, parameter) still to be told to everyone
+        self._echo: list[tuple[int, str]] = []  # (PX4 ns, parameter) still to be sent on all links
         self.timesync_offset_ns: int | None = None
-        self.ignored = 0  # frames for others, or of messages that PX4 has no use for
+        self.ignored = 0  # frames for other systems, or of messages that PX4 does not use
         self._handlers: dict[str, Callable[[Port, Frame, Any], None]] = {
             "SET_ATTITUDE_TARGET": self._attitude_target,
             "SET_POSITION_TARGET_LOCAL_NED": self._position_target,
@@ -75,7 +75,7 @@ class Receiver:
         handler(port, frame, fields)
 
     def _forward(self, port: Port, frame: Frame, target: int) -> None:
-        """Broadcasts and frames for others go out on the other links, unchanged."""
+        """Broadcasts and frames for other systems are forwarded on the other links, unchanged."""
         if frame.name == "TIMESYNC" or frame.name == "PING":
             return
         for other in self._ports.values():
@@ -83,7 +83,7 @@ class Receiver:
                 other.send_raw(frame.raw)
 
     def update(self) -> None:
-        """Tell all links of changed parameters, some ms after the change."""
+        """Send changed parameters on all links, some ms after the change."""
         while self._echo and self._echo[0][0] <= self._flight.now_ns:
             _, name = self._echo.pop(0)
             for port in self._ports.values():
@@ -129,7 +129,7 @@ class Receiver:
             self.acknowledge(command, self._at_once(port, number, params))
             return
         if number == Cmd.DO_SET_MODE:
-            self.acknowledge(command, Result.ACCEPTED)  # the receiver's own; the commander's verdict follows
+            self.acknowledge(command, Result.ACCEPTED)  # the receiver's own; the commander's result follows
         self._commander.queue.append(command)
 
     def _set_mode(self, port: Port, frame: Frame, m: Any) -> None:
@@ -138,7 +138,7 @@ class Receiver:
         self._commander.queue.append(Command(port.name, frame.system, frame.component, Cmd.DO_SET_MODE, params))
 
     def acknowledge(self, command: Command, result: int) -> None:
-        """COMMAND_ACK to whoever sent the command."""
+        """COMMAND_ACK to the command's sender."""
         port = self._ports[command.port]
         port.send(M["COMMAND_ACK"], command.number, int(result), 0, 0, command.system, command.component)
 
@@ -152,10 +152,10 @@ class Receiver:
             return self._request(port, id)
         stream = port.streams.get(id)
         if number == Cmd.GET_MESSAGE_INTERVAL:
-            interval = -1 if stream is None or not stream.interval_ns else stream.interval_ns // 1000
+            interval = -1 if stream is None or not stream.interval_ns else min(0x7FFFFFFF, stream.interval_ns // 1000)
             port.send(M["MESSAGE_INTERVAL"], max(0, min(65535, id)), interval)
             return Result.ACCEPTED
-        if stream is None or id == 0 or math.isnan(params[1]):
+        if stream is None or id == 0 or not math.isfinite(params[1]):
             return Result.FAILED
         stream.set_interval(params[1], self._flight.now_ns)
         port.reschedule()
@@ -175,7 +175,7 @@ class Receiver:
         elif id == 264:
             port.send_name("FLIGHT_INFORMATION", self._view.ms, 0, 0, 1, 0)
         elif id == 49:
-            build.gps_global_origin(self._view, port)
+            gps_global_origin(self._view, port)
         elif id == 242 and flight.home is None:
             return Result.DENIED
         else:
@@ -250,7 +250,7 @@ class Receiver:
             self._echo.append((self._flight.now_ns + 10_000_000, m.param_id))
 
     def next_parameters(self) -> None:
-        """Send what a PARAM_REQUEST_LIST still owes, a few each tick (888 take 0.83 s)."""
+        """Send what is left of a PARAM_REQUEST_LIST, a few each tick (888 take 0.83 s)."""
         for port in self._ports.values():
             for name in port.take_params():
                 self._param_value(port, name)

@@ -1,4 +1,4 @@
-"""What the parts of the software PX4 share: the flight's state, its kernel rows, an outbox for texts and answers."""
+"""What the parts of the software PX4 share: the flight's state, its kernel rows, callbacks for texts and answers."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from vehicle.px4 import protocol as px4
-from vehicle.px4.sim.control import EST_P, EST_V, NC, NE
 from vehicle.px4.sim.params import Parameters
+from vehicle.px4.sim.rows import control, estimate, situation
+from vehicle.quadrotor import state_row
 
 EARTH_RADIUS = 6371000.0  # m, as PX4's local projection uses
 ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_ALTITUDE = 47.397742225, 8.545594135, 489.4  # SIH_LOC_*
 
 
 class Command(NamedTuple):
-    """A MAVLink command waiting for the commander, with whom to answer."""
+    """A MAVLink command that waits for the commander, with the port and ids to answer to."""
 
     port: str
     system: int
@@ -29,7 +30,7 @@ class Command(NamedTuple):
 
 @dataclass
 class Setpoint:
-    """The OFFBOARD stream: when it was last heard and since when it runs without a loss (PX4 ns; -1: never)."""
+    """The OFFBOARD stream: when a set-point last came, and since when there was no loss (PX4 ns; -1: never)."""
 
     kind: str = ""  # rates, attitude, position
     last_ns: int = -1
@@ -43,9 +44,9 @@ class Flight:
     parameters: Parameters
     row: np.ndarray
     params: np.ndarray
-    control: np.ndarray = field(default_factory=lambda: np.full(NC, np.nan))
-    estimate: np.ndarray = field(default_factory=lambda: np.zeros(NE))
-    situation: np.ndarray = field(default_factory=lambda: np.zeros(8))
+    control: np.ndarray = field(default_factory=lambda: np.full(control.LENGTH, np.nan))
+    estimate: np.ndarray = field(default_factory=lambda: np.zeros(estimate.LENGTH))
+    situation: np.ndarray = field(default_factory=lambda: np.zeros(situation.LENGTH))
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     now_ns: int = 0
 
@@ -55,11 +56,11 @@ class Flight:
     landed: bool = True
     took_off: bool = False  # since arming
     landed_ns: int = 0
-    contact: bool = False  # on the ground and asked to descend: thrust is cut in two stages
+    contact: bool = False  # on the ground with a descent commanded: thrust is cut in two stages
     contact_ns: int = -1
     terminated: bool = False
-    intended: int = px4.HOLD  # what the user asked for
-    active: int = px4.HOLD  # what runs
+    intended: int = px4.HOLD  # the mode that the user requested
+    active: int = px4.HOLD  # the mode that runs
     after_disarm: int = px4.HOLD
     mode_since_ns: int = 0
     failsafe: bool = False
@@ -72,7 +73,6 @@ class Flight:
     discharge: float = 0.0  # 0 full .. 1 at SIM_BAT_MIN_PCT
     text: Callable[..., None] = lambda *_, **__: None
     acknowledge: Callable[[Command, int], None] = lambda *_: None
-    emit: Callable[..., None] = lambda *_: None
 
     @property
     def now_s(self) -> float:
@@ -83,16 +83,28 @@ class Flight:
     def position(self) -> tuple[float, float, float]:
         """Estimated position, ENU."""
         e = self.estimate
-        return float(e[EST_P]), float(e[EST_P + 1]), float(e[EST_P + 2])
+        return float(e[estimate.POSITION]), float(e[estimate.POSITION + 1]), float(e[estimate.POSITION + 2])
+
+    @property
+    def attitude(self) -> tuple[float, float, float, float]:
+        """Estimated attitude: quaternion w x y z, ENU from FLU."""
+        w, x, y, z = self.estimate[estimate.ATTITUDE : estimate.ATTITUDE + 4].tolist()
+        return w, x, y, z
+
+    @property
+    def true_position(self) -> tuple[float, float, float]:
+        """Where the vehicle really is, ENU."""
+        x, y, z = self.row[state_row.P : state_row.P + 3].tolist()
+        return x, y, z
 
     @property
     def velocity(self) -> tuple[float, float, float]:
         """Estimated velocity, ENU."""
         e = self.estimate
-        return float(e[EST_V]), float(e[EST_V + 1]), float(e[EST_V + 2])
+        return float(e[estimate.VELOCITY]), float(e[estimate.VELOCITY + 1]), float(e[estimate.VELOCITY + 2])
 
     def stream_fresh(self) -> bool:
-        """True if an OFFBOARD set-point younger than COM_OF_LOSS_T has been heard."""
+        """True if an OFFBOARD set-point younger than COM_OF_LOSS_T has been received."""
         age = self.now_ns - self.setpoint.last_ns
         return self.setpoint.last_ns >= 0 and age <= self.parameters["COM_OF_LOSS_T"] * 1e9
 

@@ -1,4 +1,4 @@
-"""Which periodic messages a v1.17 PX4 sends on its two links, how often, and from when after boot (all recorded)."""
+"""Which periodic messages a v1.17 PX4 sends on its two links, how often, and from when after boot (recorded)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from vehicle.px4.codec import MESSAGES
-from vehicle.px4.sim import messages as build
+from vehicle.px4.sim import messages as status
+from vehicle.px4.sim import motion_messages as motion
 from vehicle.px4.sim.port import Port, Stream
 
 Builder = Callable[[Any, Port], None]
@@ -22,40 +23,40 @@ class Row(NamedTuple):
 
 
 TABLE: dict[str, Row] = {
-    "HEARTBEAT": Row(1, 1, 1188, build.heartbeat),
-    "SYS_STATUS": Row(5, 1, 404, build.sys_status),
-    "SYSTEM_TIME": Row(1, 0, 1204, build.system_time),
-    "PING": Row(1, 0.1, 1204, build.ping),
-    "LINK_NODE_STATUS": Row(1, 1, 1204, build.link_node_status),
-    "GPS_RAW_INT": Row(8, 5, 136, build.gps_raw_int),
-    "SCALED_PRESSURE": Row(1, 1, 1008, build.scaled_pressure),
-    "ATTITUDE": Row(100, 50, 1592, build.attitude),
-    "ATTITUDE_QUATERNION": Row(50, 50, 1592, build.attitude_quaternion),
-    "LOCAL_POSITION_NED": Row(30, 50, 324, build.local_position_ned),
-    "GLOBAL_POSITION_INT": Row(50, 50, 2700, build.global_position_int),
-    "SERVO_OUTPUT_RAW": Row(10, 50, 304, build.servo_output_raw),
-    "MISSION_CURRENT": Row(1, 1, 1004, build.mission_current),
-    "VFR_HUD": Row(10, 4, 324, build.vfr_hud),
-    "ATTITUDE_TARGET": Row(10, 50, 324, build.attitude_target),
-    "POSITION_TARGET_LOCAL_NED": Row(10, 50, 324, build.position_target_local_ned),
-    "POSITION_TARGET_GLOBAL_INT": Row(10, 1, 324, build.position_target_global_int),
-    "HIGHRES_IMU": Row(50, 0, 224, build.highres_imu),
-    "TIMESYNC": Row(10, 0, 304, build.timesync),
-    "DISTANCE_SENSOR": Row(10, 0.5, 304, build.distance_sensor),
-    "ALTITUDE": Row(10, 1, 304, build.altitude),
-    "BATTERY_STATUS": Row(0.5, 0.5, 2204, build.battery_status),
-    "ESTIMATOR_STATUS": Row(1, 0.5, 1204, build.estimator_status),
-    "VIBRATION": Row(0.5, 0.1, 2204, build.vibration),
-    "HOME_POSITION": Row(0.5, 0.5, 2204, build.home_position),
-    "EXTENDED_SYS_STATE": Row(5, 1, 404, build.extended_sys_state),
-    "ODOMETRY": Row(30, 0, 324, build.odometry),
-    "TIME_ESTIMATE_TO_TARGET": Row(0.5, 0.5, 2004, build.time_estimate),
-    "CURRENT_EVENT_SEQUENCE": Row(0.35, 0.35, 260, build.current_event_sequence),
-    "CURRENT_MODE": Row(0.5, 0.5, 2204, build.current_mode),
-    "GNSS_INTEGRITY": Row(1, 1, 1204, build.gnss_integrity),
-    "OPEN_DRONE_ID_LOCATION": Row(1, 1, 1204, build.open_drone_id_location),
-    "OPEN_DRONE_ID_SYSTEM": Row(1, 1, 1204, build.open_drone_id_system),
-    "HIL_STATE_QUATERNION": Row(0, 0, 1204, build.hil_state_quaternion),
+    "HEARTBEAT": Row(1, 1, 1188, status.heartbeat),
+    "SYS_STATUS": Row(5, 1, 404, status.sys_status),
+    "SYSTEM_TIME": Row(1, 0, 1204, status.system_time),
+    "PING": Row(1, 0.1, 1204, status.ping),
+    "LINK_NODE_STATUS": Row(1, 1, 1204, status.link_node_status),
+    "GPS_RAW_INT": Row(8, 5, 136, motion.gps_raw_int),
+    "SCALED_PRESSURE": Row(1, 1, 1008, motion.scaled_pressure),
+    "ATTITUDE": Row(100, 50, 1592, motion.attitude),
+    "ATTITUDE_QUATERNION": Row(50, 50, 1592, motion.attitude_quaternion),
+    "LOCAL_POSITION_NED": Row(30, 50, 324, motion.local_position_ned),
+    "GLOBAL_POSITION_INT": Row(50, 50, 2700, motion.global_position_int),
+    "SERVO_OUTPUT_RAW": Row(10, 50, 304, status.servo_output_raw),
+    "MISSION_CURRENT": Row(1, 1, 1004, status.mission_current),
+    "VFR_HUD": Row(10, 4, 324, motion.vfr_hud),
+    "ATTITUDE_TARGET": Row(10, 50, 324, motion.attitude_target),
+    "POSITION_TARGET_LOCAL_NED": Row(10, 50, 324, motion.position_target_local_ned),
+    "POSITION_TARGET_GLOBAL_INT": Row(10, 1, 324, motion.position_target_global_int),
+    "HIGHRES_IMU": Row(50, 0, 224, motion.highres_imu),
+    "TIMESYNC": Row(10, 0, 304, status.timesync),
+    "DISTANCE_SENSOR": Row(10, 0.5, 304, motion.distance_sensor),
+    "ALTITUDE": Row(10, 1, 304, motion.altitude),
+    "BATTERY_STATUS": Row(0.5, 0.5, 2204, status.battery_status),
+    "ESTIMATOR_STATUS": Row(1, 0.5, 1204, status.estimator_status),
+    "VIBRATION": Row(0.5, 0.1, 2204, status.vibration),
+    "HOME_POSITION": Row(0.5, 0.5, 2204, motion.home_position),
+    "EXTENDED_SYS_STATE": Row(5, 1, 404, status.extended_sys_state),
+    "ODOMETRY": Row(30, 0, 324, motion.odometry),
+    "TIME_ESTIMATE_TO_TARGET": Row(0.5, 0.5, 2004, motion.time_estimate),
+    "CURRENT_EVENT_SEQUENCE": Row(0.35, 0.35, 260, status.current_event_sequence),
+    "CURRENT_MODE": Row(0.5, 0.5, 2204, status.current_mode),
+    "GNSS_INTEGRITY": Row(1, 1, 1204, status.gnss_integrity),
+    "OPEN_DRONE_ID_LOCATION": Row(1, 1, 1204, status.open_drone_id_location),
+    "OPEN_DRONE_ID_SYSTEM": Row(1, 1, 1204, status.open_drone_id_system),
+    "HIL_STATE_QUATERNION": Row(0, 0, 1204, motion.hil_state_quaternion),
 }
 
 

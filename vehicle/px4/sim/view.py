@@ -1,36 +1,29 @@
-"""What message builders see of one tick: the snapshot in NED/FRD and derived values, worked out when asked for."""
+"""What message builders read of one tick: the snapshot in NED/FRD and derived values, computed on demand."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from kernel.rotations import rotate_back, swap_attitude, swap_yaw
 from vehicle.px4 import protocol as px4
 from vehicle.px4.sim.commander import Commander
-from vehicle.px4.sim.control import (
-    ACC_SP,
-    ATT_THRUST,
-    MODE,
-    OUT_ATT,
-    OUT_RATE,
-    OUT_THRUST,
-    POS_SP,
-    POSITION,
-    SMOOTH,
-    VEL_SMOOTH,
-    VEL_SP,
-    YAW_SMOOTH,
-)
 from vehicle.px4.sim.estimator import Estimator
-from vehicle.px4.sim.plant import GROUND, NSNAP, S_EULER, TICK_NS, snapshot
+from vehicle.px4.sim.plant import TICK_NS, fill_snapshot
+from vehicle.px4.sim.rows import control, estimate_noise, situation, snapshot
 from vehicle.px4.sim.state import Flight
-from vehicle.quadrotor.dynamics import COMMAND, MOTOR
+from vehicle.quadrotor import state_row
+from vehicle.quadrotor.airframe import GRAVITY
 
 FULL_MV, EMPTY_MV, EMPTY_PERCENT = 16200, 15300, 51  # SIM_BAT_*: what a SITL battery shows
+_SIGMAS = (estimate_noise.POSITION_SIGMA, estimate_noise.VELOCITY_SIGMA, estimate_noise.ATTITUDE_SIGMA)
 DRAIN_S = 30.0  # armed, from full to empty
 EPOCH_US = 1_767_225_600_000_000  # 2026-01-01: simulated PX4s boot at new year
+
+
+Vec3 = tuple[float, float, float]
 
 
 def diagonal(*values: float) -> tuple[float, ...]:
@@ -41,15 +34,25 @@ def diagonal(*values: float) -> tuple[float, ...]:
     return tuple(out)
 
 
+class TruthNed(NamedTuple):
+    """Where the vehicle really is, as SIH reports it: NED and FRD, SI units, relative to PX4's local origin."""
+
+    position: Vec3
+    velocity: Vec3
+    attitude: tuple[float, float, float, float]  # NED from FRD
+    rates: Vec3
+    acceleration: Vec3  # of motion, gravity included, in the body
+
+
 class View:
-    """Read-only picture of the autopilot for one tick; `refresh` starts the next one."""
+    """Read-only view of the autopilot in one tick; `refresh` starts the next one."""
 
     def __init__(
         self, flight: Flight, commander: Commander, estimator: Estimator, noise: np.ndarray, stream: np.ndarray
     ):
         self.flight, self.commander, self.estimator = flight, commander, estimator
         self._noise, self._stream = noise, stream
-        self._snapshot = np.zeros(NSNAP)
+        self._snapshot = np.zeros(snapshot.LENGTH)
         self._snap: list[float] | None = None
         self._geodetic: tuple[int, int, int] | None = None
         self._counts: dict[str, int] = {}
@@ -57,13 +60,13 @@ class View:
         self.epoch_us = EPOCH_US
         self.event_sequence = 0xFFF6
         self.reset_counter = 4
-        position, velocity, attitude = (max(float(noise[i]) ** 2, 1e-8) for i in (0, 2, 4))
+        position, velocity, attitude = (max(float(noise[i]) ** 2, 1e-8) for i in _SIGMAS)
         self.pose_covariance = diagonal(position, position, position, attitude, attitude, attitude)
         self.velocity_covariance = diagonal(velocity, velocity, velocity)
         self.home_attitude = (1.0, 0.0, 0.0, 0.0)
 
     def refresh(self) -> None:
-        """Forget what was worked out for the last tick."""
+        """Drop the values of the last tick."""
         self.us = self.flight.now_ns // 1000
         self.ms = self.us // 1000
         self.sample_us = max(0, self.flight.now_ns - TICK_NS) // 1000
@@ -71,10 +74,10 @@ class View:
 
     @property
     def snap(self) -> list[float]:
-        """The (NSNAP,) snapshot as a list."""
+        """The snapshot row as a list."""
         if self._snap is None:
             flight = self.flight
-            snapshot(flight.row, flight.estimate, self._noise, self._stream, *flight.origin, self._snapshot)
+            fill_snapshot(flight.row, flight.estimate, self._noise, self._stream, *flight.origin, self._snapshot)
             self._snap = self._snapshot.tolist()
         return self._snap
 
@@ -94,20 +97,22 @@ class View:
 
     def height(self) -> float:
         """Distance to the ground below, m."""
-        return float(self.flight.row[2]) - float(self.flight.situation[GROUND])
+        return self.flight.true_position[2] - float(self.flight.situation[situation.GROUND])
 
     @property
     def thrust(self) -> float:
         """Collective command of this tick, 0..1."""
-        return float(self.flight.control[OUT_THRUST])
+        return float(self.flight.control[control.OUT_THRUST])
 
     def servos(self) -> tuple[int, ...]:
         """Pulse widths of the four motors while armed."""
-        return tuple(round(1000 + 1000 * u) for u in self.flight.row[COMMAND : COMMAND + 4].tolist())
+        return tuple(
+            round(1000 + 1000 * u) for u in self.flight.row[state_row.COMMAND : state_row.COMMAND + 4].tolist()
+        )
 
     def motors(self) -> tuple[float, ...]:
         """Thrust of the four motors over full thrust."""
-        return tuple(self.flight.row[MOTOR : MOTOR + 4].tolist())
+        return tuple(self.flight.row[state_row.MOTOR : state_row.MOTOR + 4].tolist())
 
     def battery(self) -> tuple[int, int]:
         """Millivolts and percent."""
@@ -117,14 +122,14 @@ class View:
     def attitude_setpoint(self) -> tuple[tuple[float, float, float, float], float]:
         """The cascade's last attitude set-point (NED from FRD) and thrust."""
         c = self.flight.control
-        if math.isnan(c[OUT_ATT]):
+        if math.isnan(c[control.OUT_ATT]):
             return (1.0, 0.0, 0.0, 0.0), 0.001
-        w, x, y, z = swap_attitude(tuple(c[OUT_ATT : OUT_ATT + 4].tolist()))
-        return ((w, x, y, z) if w >= 0 else (-w, -x, -y, -z)), float(c[ATT_THRUST])
+        w, x, y, z = swap_attitude(tuple(c[control.OUT_ATT : control.OUT_ATT + 4].tolist()))
+        return ((w, x, y, z) if w >= 0 else (-w, -x, -y, -z)), float(c[control.ATT_THRUST])
 
     def rate_setpoint(self) -> tuple[float, float, float]:
         """Body rate set-points, FRD."""
-        x, y, z = self.flight.control[OUT_RATE : OUT_RATE + 3].tolist()
+        x, y, z = self.flight.control[control.OUT_RATE : control.OUT_RATE + 3].tolist()
         return x, -y, -z
 
     def position_setpoint(self) -> tuple[float, ...] | None:
@@ -132,26 +137,31 @@ class View:
         flight, c = self.flight, self.flight.control
         if flight.active == px4.OFFBOARD and flight.setpoint.kind != "position":
             return None
-        if c[MODE] != POSITION:
+        if c[control.MODE] != control.POSITION:
             nan = math.nan
-            return 63, nan, nan, nan, nan, nan, nan, 0.0, 0.0, 100.0, self.snap[S_EULER + 2], 0.0
-        x, y, z = c[POS_SP : POS_SP + 3].tolist()
+            return 63, nan, nan, nan, nan, nan, nan, 0.0, 0.0, 100.0, self.snap[snapshot.EULER + 2], 0.0
+        x, y, z = c[control.POS_SP : control.POS_SP + 3].tolist()
         ox, oy, oz = flight.origin
-        vx, vy, vz = c[VEL_SMOOTH : VEL_SMOOTH + 3].tolist() if c[SMOOTH] > 0 else c[VEL_SP : VEL_SP + 3].tolist()
-        ax, ay, az = c[ACC_SP : ACC_SP + 3].tolist()
-        heading = swap_yaw(float(c[YAW_SMOOTH]))
+        at = control.VEL_SMOOTH if c[control.SMOOTH] > 0 else control.VEL_SP
+        vx, vy, vz = c[at : at + 3].tolist()
+        ax, ay, az = c[control.ACC_SP : control.ACC_SP + 3].tolist()
+        heading = swap_yaw(float(c[control.YAW_SMOOTH]))
         return 0, y - oy, x - ox, oz - z, vy, vx, -vz, _zero(ay), _zero(ax), -_zero(az), heading, 0.0
 
-    def truth_ned(self) -> tuple:
-        """Ground truth: position, velocity NED, quaternion (tuple), rates FRD, specific force FRD as one flat tuple."""
-        row, (ox, oy, oz) = self.flight.row, self.flight.origin
-        x, y, z, vx, vy, vz, *q = row[:10].tolist()
-        wx, wy, wz = row[10:13].tolist()
-        fx, fy, fz = row[20:23].tolist()
-        attitude = swap_attitude(tuple(q))
-        gravity = rotate_back(attitude, 0.0, 0.0, 9.80665)
-        acceleration = (fx + gravity[0], -fy + gravity[1], -fz + gravity[2])
-        return (y - oy, x - ox, oz - z, vy, vx, -vz, *attitude, wx, -wy, -wz, *acceleration)
+    def truth_ned(self) -> TruthNed:
+        """Ground truth of this tick."""
+        flight, row = self.flight, self.flight.row
+        x, y, z = flight.true_position
+        vx, vy, vz = row[state_row.V : state_row.V + 3].tolist()
+        w, qx, qy, qz = row[state_row.Q : state_row.Q + 4].tolist()
+        wx, wy, wz = row[state_row.W : state_row.W + 3].tolist()
+        fx, fy, fz = row[state_row.F : state_row.F + 3].tolist()
+        ox, oy, oz = flight.origin
+        attitude = swap_attitude((w, qx, qy, qz))
+        gx, gy, gz = rotate_back(attitude, 0.0, 0.0, GRAVITY)
+        return TruthNed(
+            (y - oy, x - ox, oz - z), (vy, vx, -vz), attitude, (wx, -wy, -wz), (fx + gx, -fy + gy, -fz + gz)
+        )
 
 
 def _zero(value: float) -> float:

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from groundcar.motion import board_motion as m
+from groundcar.motion import board_row, motion_row
 from groundcar.motion import paths as t
 from groundcar.motion import speed_laws as s
 from groundcar.motion.board_motion import motion_aux, motion_future, motion_reset, motion_step
@@ -43,16 +43,16 @@ LOOPS = {
 def test_loops_are_driven_at_constant_speed_along_the_heading(name):
     rows = rollout(motion_aux(*LOOPS[name], s.CONSTANT, CONSTANT))
     steps = np.diff(rows[:, :2], axis=0) / DT
-    heading = np.unwrap(rows[:, m.HEADING])
+    heading = np.unwrap(rows[:, board_row.HEADING])
     middle = 0.5 * (heading[1:] + heading[:-1])
     assert np.hypot(*steps.T) == pytest.approx(2.0, abs=2e-3)
     assert steps[:, 0] == pytest.approx(2.0 * np.cos(middle), abs=5e-3)
     assert steps[:, 1] == pytest.approx(2.0 * np.sin(middle), abs=5e-3)
-    turn = 0.5 * (rows[1:, m.TURN_RATE] + rows[:-1, m.TURN_RATE])
+    turn = 0.5 * (rows[1:, board_row.TURN_RATE] + rows[:-1, board_row.TURN_RATE])
     jumps = 0.006 if name == "racetrack" else 2e-4  # the racetrack's curvature jumps four times a lap
     assert np.cumsum(turn) * DT == pytest.approx(heading[1:] - heading[0], abs=8 * jumps)
-    assert (rows[:, m.Z] == 1.5).all()
-    assert (rows[:, m.INCLINATION] == 0.6).all()
+    assert (rows[:, board_row.Z] == 1.5).all()
+    assert (rows[:, board_row.INCLINATION] == 0.6).all()
 
 
 def test_circle_against_its_closed_form():
@@ -60,7 +60,7 @@ def test_circle_against_its_closed_form():
     angle = 2.0 / 3.0 * DT * np.arange(len(rows))
     assert rows[:, 0] == pytest.approx(3 * np.cos(angle), abs=1e-9)
     assert rows[:, 1] == pytest.approx(3 * np.sin(angle), abs=1e-9)
-    assert rows[:, m.TURN_RATE] == pytest.approx(2.0 / 3.0)
+    assert rows[:, board_row.TURN_RATE] == pytest.approx(2.0 / 3.0)
 
 
 def test_reciprocating_line_against_its_closed_form():
@@ -69,18 +69,20 @@ def test_reciprocating_line_against_its_closed_form():
     time = DT * np.arange(len(rows))
     phase = 2.5 / 12 * time - math.pi / 2
     assert rows[:, 0] == pytest.approx(12 * np.sin(phase), abs=1e-6)
-    assert rows[:, m.SPEED] == pytest.approx(2.5 * np.cos(phase), abs=1e-6)
-    assert (rows[:, m.HEADING] == 0.0).all()
-    assert (rows[:, m.TURN_RATE] == 0.0).all()
-    assert rows[:, m.SPEED].min() < -2.4  # it reverses
-    assert (rows[100, m.SPEED], rows[600, m.SPEED]) == pytest.approx((0.516, 2.37), abs=0.01)  # Simple-II: 0.50-2.35
+    assert rows[:, board_row.SPEED] == pytest.approx(2.5 * np.cos(phase), abs=1e-6)
+    assert (rows[:, board_row.HEADING] == 0.0).all()
+    assert (rows[:, board_row.TURN_RATE] == 0.0).all()
+    assert rows[:, board_row.SPEED].min() < -2.4  # it reverses
+    assert (rows[100, board_row.SPEED], rows[600, board_row.SPEED]) == pytest.approx(
+        (0.516, 2.37), abs=0.01
+    )  # Simple-II: 0.50-2.35
 
 
 def test_hard_i_s_speed_is_the_law_s():
     rows = rollout(motion_aux(t.SPLINE, spline(2, 2.5), s.COSINE, s.cosine_speed()))
     time = DT * np.arange(len(rows))
-    assert rows[:, m.SPEED] == pytest.approx(1.0 + 0.75 * (1 + np.cos(2 * math.pi * time / 3)))
-    assert np.abs(rows[:, m.TURN_RATE]).max() <= 1.2 * 1.001
+    assert rows[:, board_row.SPEED] == pytest.approx(1.0 + 0.75 * (1 + np.cos(2 * math.pi * time / 3)))
+    assert np.abs(rows[:, board_row.TURN_RATE]).max() <= 1.2 * 1.001
 
 
 @pytest.mark.parametrize("radius", [3.0, -3.0])
@@ -90,24 +92,24 @@ def test_hard_ii_turns_onto_its_tangent_arc_and_slows_down(radius):
     for _ in range(2):  # the second time shows that reset undoes the change
         rows = rollout(aux, u=2.0, seconds=8.0)
         steps = np.hypot(*np.diff(rows[:, :2], axis=0).T) / DT
-        turned = np.abs(np.diff(np.unwrap(rows[:, m.HEADING])))
+        turned = np.abs(np.diff(np.unwrap(rows[:, board_row.HEADING])))
         assert turned.max() < 1.3 * DT  # no kink
-        assert np.abs(steps - 0.5 * (rows[1:, m.SPEED] + rows[:-1, m.SPEED])).max() < 5e-3
-        assert rows[:299, m.SPEED] == pytest.approx(2.2)
-        assert rows[351:, m.SPEED] == pytest.approx(1.5)
-        assert rows[302:, m.TURN_RATE] == pytest.approx(rows[302:, m.SPEED] / radius)
-        centre = aux[[m.ARC_X, m.ARC_Y]]
+        assert np.abs(steps - 0.5 * (rows[1:, board_row.SPEED] + rows[:-1, board_row.SPEED])).max() < 5e-3
+        assert rows[:299, board_row.SPEED] == pytest.approx(2.2)
+        assert rows[351:, board_row.SPEED] == pytest.approx(1.5)
+        assert rows[302:, board_row.TURN_RATE] == pytest.approx(rows[302:, board_row.SPEED] / radius)
+        centre = aux[[motion_row.ARC_X, motion_row.ARC_Y]]
         assert np.hypot(*(rows[302:, :2] - centre).T) == pytest.approx(3.0)
 
 
 def test_the_change_can_be_asked_for_by_length():
     aux = motion_aux(t.SPLINE, spline(6, 2.0), s.CONSTANT, CONSTANT, change_length=4.0, arc_radius=2.0)
     rows = rollout(aux, seconds=4.0)
-    assert rows[195, m.TURN_RATE] != pytest.approx(1.0, abs=1e-3)
-    assert rows[205:, m.TURN_RATE] == pytest.approx(1.0)
+    assert rows[195, board_row.TURN_RATE] != pytest.approx(1.0, abs=1e-3)
+    assert rows[205:, board_row.TURN_RATE] == pytest.approx(1.0)
 
 
-def test_the_future_is_what_then_happens_and_disturbs_nothing():
+def test_future_equals_later_steps_and_leaves_the_motion_unchanged():
     law = s.scheduled_speed(2.2, 1.5, 0.5)
     aux = motion_aux(t.SPLINE, spline(6, 2.2), s.SCHEDULED, law, change_time=1.0, arc_radius=3.0)
     row, rng = np.zeros(8), stream(1)
@@ -133,19 +135,19 @@ def test_the_future_of_a_random_speed_freezes_the_noise():
     state = rng.copy()
     motion_future(row, aux, DT, 30, out)
     assert np.array_equal(rng, state)
-    assert out[:, m.SPEED] == pytest.approx(row[m.SPEED])
-    assert row[m.SPEED] != 2.0
+    assert out[:, board_row.SPEED] == pytest.approx(row[board_row.SPEED])
+    assert row[board_row.SPEED] != 2.0
 
 
 def test_from_rest_with_an_acceleration_limit():
     rows = rollout(motion_aux(*LOOPS["arc"], s.CONSTANT, CONSTANT, accel_limit=1.0), moving=False, seconds=4.0)
     time = DT * np.arange(len(rows))
-    assert rows[:, m.SPEED] == pytest.approx(np.minimum(time, 2.0), abs=1e-9)
+    assert rows[:, board_row.SPEED] == pytest.approx(np.minimum(time, 2.0), abs=1e-9)
 
 
-def test_a_sluggish_car_overshoots_as_a_second_order_system_does():
+def test_response_overshoots_as_a_second_order_system():
     aux = motion_aux(*LOOPS["arc"], s.COSINE, s.cosine_speed(), response=4.0, damping=0.45)
-    speed = rollout(aux, seconds=15.0, dt=0.002)[3000:, m.SPEED]
+    speed = rollout(aux, seconds=15.0, dt=0.002)[3000:, board_row.SPEED]
     r = 2 * math.pi / 3 / 4.0
     gain = 1 / math.hypot(1 - r * r, 2 * 0.45 * r)
     assert speed.max() == pytest.approx(1.75 + 0.75 * gain, abs=0.01)
@@ -177,7 +179,7 @@ def test_rows_of_a_batch_move_as_single_ones():
         assert np.array_equal(rows[i], rollout(aux, seconds=2.0, seed=i)[-1])
 
 
-def test_nonsense_is_refused():
+def test_invalid_arguments_are_refused():
     path, speed = t.arc_path(3.0), CONSTANT
     with pytest.raises(ValueError, match="path row"):
         motion_aux(t.ARC, path[:5], s.CONSTANT, speed)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from groundcar.motion.kinematics import accelerate, body_twist, drive, wheel_speeds, wrap
+from groundcar.motion.kinematics import accelerate, drive, wheel_speeds, wrap
 
 SPEED, RATE = st.floats(-3, 3), st.floats(-2.5, 2.5)
 
@@ -36,9 +36,9 @@ def test_many_small_steps_equal_a_large_one(speed, rate, parts):
 
 
 @given(speed=SPEED, rate=RATE)
-def test_wheels_and_body_agree(speed, rate):
+def test_mean_and_difference_of_wheel_speeds_are_speed_and_turn_rate(speed, rate):
     left, right = wheel_speeds(speed, rate, 0.4165)
-    assert body_twist(left, right, 0.4165) == pytest.approx((speed, rate), abs=1e-12)
+    assert (0.5 * (left + right), (right - left) / 0.4165) == pytest.approx((speed, rate), abs=1e-12)
 
 
 def test_positive_turn_rate_is_counter_clockwise():

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from groundcar.motion import path_row
 from groundcar.motion import paths as t
 from groundcar.motion.paths import path_curvature, path_eval, path_lap
 
@@ -104,12 +105,12 @@ def test_turn_of_an_arc():
 def test_origin_and_heading_move_any_path_rigidly():
     for kind, row in PATHS:
         plain = row.copy()
-        plain[[t.X0, t.Y0, t.HEADING, t.COS, t.SIN]] = (0, 0, 0, 1, 0)
-        c, s = row[t.COS], row[t.SIN]
+        plain[[path_row.X0, path_row.Y0, path_row.HEADING, path_row.COS, path_row.SIN]] = (0, 0, 0, 1, 0)
+        c, s = row[path_row.COS], row[path_row.SIN]
         for u in np.linspace(0, 6, 7):
             x, y, dx, dy, *_ = path_eval(kind, plain, u)
             moved = path_eval(kind, row, u)
-            assert moved[:2] == pytest.approx((row[t.X0] + c * x - s * y, row[t.Y0] + s * x + c * y))
+            assert moved[:2] == pytest.approx((row[path_row.X0] + c * x - s * y, row[path_row.Y0] + s * x + c * y))
             assert moved[2:4] == pytest.approx((c * dx - s * dy, s * dx + c * dy))
 
 
@@ -129,6 +130,6 @@ def test_static_stands():
         lambda: t.spline_path(np.full((12, 2), math.nan)),
     ],
 )
-def test_nonsense_is_refused(build):
+def test_invalid_arguments_are_refused(build):
     with pytest.raises(ValueError, match=r"must|turn"):
         build()

@@ -62,6 +62,6 @@ def test_laws_without_noise_leave_the_stream_alone():
         lambda: s.scheduled_speed(2.0, 1.0, ramp=-0.1),
     ],
 )
-def test_nonsense_is_refused(build):
+def test_invalid_arguments_are_refused(build):
     with pytest.raises(ValueError, match="speed law"):
         build()

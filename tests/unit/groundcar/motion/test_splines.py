@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from groundcar.motion import path_row
 from groundcar.motion.paths import SPLINE, path_curvature, path_eval, static_path
-from groundcar.motion.splines import CONTROL, COUNT, max_curvature, random_spline
+from groundcar.motion.splines import max_curvature, random_spline
 from kernel.jit import njit
 from kernel.random import stream, uniform
 
@@ -15,7 +16,7 @@ from kernel.random import stream, uniform
 def sampled_curvature(row, n):
     worst = 0.0
     for k in range(n):
-        _, _, dx, dy, ddx, ddy = path_eval(SPLINE, row, row[COUNT] * k / n)
+        _, _, dx, dy, ddx, ddy = path_eval(SPLINE, row, row[path_row.COUNT] * k / n)
         worst = max(worst, abs(path_curvature(dx, dy, ddx, ddy)))
     return worst
 
@@ -43,7 +44,7 @@ def test_control_points_stand_at_even_angles_within_the_paper_s_radii():
     seen = []
     for seed in range(300):
         row, alpha = drawn(seed, 0.5)
-        points = row[CONTROL : CONTROL + 24].reshape(12, 2)
+        points = row[path_row.CONTROL : path_row.CONTROL + 24].reshape(12, 2)
         angles = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
         assert np.diff(angles) == pytest.approx(2 * math.pi / 12)
         radii = np.hypot(*points.T)
@@ -60,7 +61,7 @@ def test_radii_are_draws_smoothed_around_the_circle():
     raw = np.array([uniform(rng, 1.0, 12.0) for _ in range(12)])
     assert alpha == 1.0
     smoothed = (np.roll(raw, 1) + 2 * raw + np.roll(raw, -1)) / 4
-    assert np.hypot(*row[CONTROL : CONTROL + 24].reshape(12, 2).T) == pytest.approx(smoothed)
+    assert np.hypot(*row[path_row.CONTROL : path_row.CONTROL + 24].reshape(12, 2).T) == pytest.approx(smoothed)
 
 
 def test_shrinking_is_by_one_factor_about_the_mean():
@@ -68,7 +69,7 @@ def test_shrinking_is_by_one_factor_about_the_mean():
     fast, alpha = drawn(5, 2.5)
     assert alpha_slow == 1.0
     assert 0.0 < alpha < 1.0
-    r_slow, r_fast = (np.hypot(*r[CONTROL : CONTROL + 24].reshape(12, 2).T) for r in (slow, fast))
+    r_slow, r_fast = (np.hypot(*r[path_row.CONTROL : path_row.CONTROL + 24].reshape(12, 2).T) for r in (slow, fast))
     assert r_fast - r_fast.mean() == pytest.approx(alpha * (r_slow - r_slow.mean()))
     assert r_fast.mean() == pytest.approx(r_slow.mean())
 

@@ -48,7 +48,7 @@ def test_motion_is_clamped_before_encoding(speed, turn):
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_refused(bad):
+def test_non_finite_values_are_refused(bad):
     with pytest.raises(ValueError, match=r"MotionCommand\.speed"):
         encode("MotionCommand", {"speed": bad})
 
@@ -62,7 +62,7 @@ def test_unknown_names_are_refused_with_the_known_ones():
 
 @settings(max_examples=150)
 @given(name=st.sampled_from(EVERYTHING), seed=st.integers(0, 2**32))
-def test_what_is_encoded_is_decoded(name, seed):
+def test_decode_inverts_encode(name, seed):
     rng, values = random.Random(seed), {}
     for s in database().get_message_by_name(name).signals:
         low, high = (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
@@ -76,7 +76,7 @@ def test_what_is_encoded_is_decoded(name, seed):
 
 
 @given(frame=st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)))
-def test_garbage_is_counted_and_never_raised(frame):
+def test_invalid_frames_are_counted_without_an_error(frame):
     decoder = Decoder(feedback_names())
     known = frame[0] in {can_id(name) for name in feedback_names()}
     got = decoder.decode(frame)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundcar.motion import board_motion as m
+from groundcar.motion import board_row
 from groundcar.scout.dead_reckoning import DeadReckoning
 
 MS = 1_000_000
@@ -12,7 +12,7 @@ START = (1.0, -2.0, 0.5)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.sampled_from([10, 20, 50]))
-def test_a_circle_is_followed_exactly_however_often_the_car_reports(speed, turn_rate, step_ms):
+def test_dead_reckoning_is_exact_on_a_circle_at_any_report_rate(speed, turn_rate, step_ms):
     found = DeadReckoning(START, 1.5, 0.7)
     for k in range(0, 1001, step_ms):
         found.add(k * MS, speed, turn_rate)
@@ -24,26 +24,31 @@ def test_a_circle_is_followed_exactly_however_often_the_car_reports(speed, turn_
         radius = speed / turn_rate
         x = START[0] + radius * (math.sin(heading) - math.sin(START[2]))
         y = START[1] - radius * (math.cos(heading) - math.cos(START[2]))
-    assert (row[m.X], row[m.Y], row[m.HEADING]) == pytest.approx((x, y, heading), abs=1e-6)
-    assert (row[m.Z], row[m.INCLINATION], row[m.SPEED], row[m.TURN_RATE]) == (1.5, 0.7, speed, turn_rate)
+    assert (row[board_row.X], row[board_row.Y], row[board_row.HEADING]) == pytest.approx((x, y, heading), abs=1e-6)
+    assert (row[board_row.Z], row[board_row.INCLINATION], row[board_row.SPEED], row[board_row.TURN_RATE]) == (
+        1.5,
+        0.7,
+        speed,
+        turn_rate,
+    )
 
 
-def test_it_stands_where_it_was_put_until_the_car_speaks():
+def test_pose_is_constant_before_the_first_report():
     row = DeadReckoning(START, 1.5, 0.7).board_row(5000 * MS)
-    assert (row[m.X], row[m.Y], row[m.HEADING], row[m.SPEED]) == (*START, 0.0)
+    assert (row[board_row.X], row[board_row.Y], row[board_row.HEADING], row[board_row.SPEED]) == (*START, 0.0)
 
 
-def test_between_reports_it_drives_on_but_not_for_ever():
+def test_prediction_between_reports_is_limited_to_half_a_second():
     found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
     found.add(0, 2.0, 0.0)
-    assert found.board_row(100 * MS)[m.X] == pytest.approx(0.2)
-    assert found.board_row(9000 * MS)[m.X] == pytest.approx(1.0), "half a second's worth"
+    assert found.board_row(100 * MS)[board_row.X] == pytest.approx(0.2)
+    assert found.board_row(9000 * MS)[board_row.X] == pytest.approx(1.0), "half a second's worth"
 
 
 @pytest.mark.parametrize(("stamp", "speed"), [(10 * MS, 5.0), (20 * MS, 5.0), (30 * MS, math.nan)])
-def test_old_reports_and_garbage_change_nothing(stamp, speed):
+def test_old_and_non_finite_reports_are_ignored(stamp, speed):
     found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
     found.add(0, 1.0, 0.0)
     found.add(20 * MS, 1.0, 0.0)
     found.add(stamp, speed, 0.0)
-    assert found.board_row(40 * MS)[m.X] == pytest.approx(0.04)
+    assert found.board_row(40 * MS)[board_row.X] == pytest.approx(0.04)

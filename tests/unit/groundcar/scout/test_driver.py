@@ -41,7 +41,7 @@ def test_nothing_is_sent_before_the_car_is_heard(bus):
     assert not link.ready
 
 
-def test_control_is_asked_for_until_the_car_grants_it_and_only_then_is_it_driven(bus):
+def test_motion_commands_start_when_the_car_grants_control(bus):
     link = ScoutLink(bus[0])
     for k in range(20):
         now = k * 20 * MS
@@ -61,7 +61,7 @@ def test_control_is_asked_for_until_the_car_grants_it_and_only_then_is_it_driven
     assert (feedback.speed, feedback.turn_rate, feedback.battery_v) == pytest.approx((0.5, -0.1, 26.4))
 
 
-def test_protocol_v1_is_refused_with_the_way_out(bus):
+def test_protocol_v1_is_refused_with_a_remedy(bus):
     bus[1].send((0x151, bytes(8)))
     with pytest.raises(WrongProtocolError, match=r"V1.*firmware"):
         ScoutLink(bus[0]).step(0)
@@ -122,7 +122,7 @@ def test_limits_of_the_rig_may_be_lower(bus):
     assert bus[0].sent == [encode("MotionCommand", {"speed": 1.0})]
 
 
-def test_garbage_is_counted(bus):
+def test_invalid_frames_are_counted(bus):
     link = granted(bus)
     for frame in [(0x221, b"\x01\x02\x03"), (0x700, bytes(8)), (0x211, b""), (0x111, bytes(8))]:
         bus[1].send(frame)
@@ -143,7 +143,7 @@ def test_garbage_is_counted(bus):
         (encode("Driver4", {"can_lost": 1}), "wheel 4 can lost"),
     ],
 )
-def test_faults_are_told_in_words(bus, frame, says):
+def test_fault_text_names_each_fault(bus, frame, says):
     link = granted(bus)
     assert link.ready
     bus[1].send(frame)
@@ -151,7 +151,7 @@ def test_faults_are_told_in_words(bus, frame, says):
     assert not link.ready
 
 
-def test_a_car_that_falls_silent_is_a_fault_and_is_heard_again(bus):
+def test_missing_motion_state_is_a_fault_until_it_returns(bus):
     link = granted(bus)
     assert link.step(290 * MS).fault == ""
     assert "silent" in link.step(310 * MS).fault
@@ -159,7 +159,7 @@ def test_a_car_that_falls_silent_is_a_fault_and_is_heard_again(bus):
     assert link.step(320 * MS).fault == ""
 
 
-def test_the_remote_control_is_not_fought_and_control_is_asked_for_after_it(bus):
+def test_no_control_request_while_the_remote_control_is_active(bus):
     link = granted(bus)
     for k in range(1, 20):
         now = (100 + 20 * k) * MS

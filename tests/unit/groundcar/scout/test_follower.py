@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from groundcar.motion import board_motion as m
+from groundcar.motion import motion_row
 from groundcar.motion import paths as t
 from groundcar.motion import speed_laws as s
 from groundcar.motion.kinematics import accelerate, drive
@@ -13,7 +14,7 @@ from groundcar.scout.params import load_scout
 from kernel.random import stream
 
 MS = 1_000_000
-GAINS, LIMITS = np.array([1.6, 1.6, 2.2, 0.8]), np.array([3.0, 2.5235])
+GAINS = np.array([1.6, 1.6, 2.2, 0.8, 3.0, 2.5235])  # a gains row
 RAMP = load_scout().follower.acceleration
 
 
@@ -73,14 +74,14 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("age_ms", [0, 20])
-def test_a_car_set_down_beside_its_path_is_brought_onto_it_and_stays(name, age_ms):
+def test_follower_converges_to_the_path_from_a_lateral_offset(name, age_ms):
     run = drive_along(*CASES[name], seconds=30.0, offset=(0.3, -0.2, 0.2), age_ms=age_ms)
     away, turned = errors(run, after=6.0)
     assert away.max() < 0.08
     assert turned.max() < 0.12
 
 
-def test_it_backs_along_the_line_without_turning_round():
+def test_follower_reverses_on_a_line_with_constant_heading():
     run = drive_along(*CASES["line"], seconds=30.0)
     _, turned = errors(run, after=1.0)
     assert run[:, 8].min() < -2.4
@@ -115,14 +116,14 @@ def test_the_reference_is_the_motion_whatever_the_period():
     assert ref[1:] == pytest.approx(expected[1:], abs=1e-9)
     own, rng = np.zeros(8), stream(0)
     limited = aux.copy()
-    limited[m.ACCEL_LIMIT] = RAMP
+    limited[motion_row.ACCEL_LIMIT] = RAMP
     m.motion_reset(own, limited, u, 0.0, 0.0, False)
     for _ in range(700):
         m.motion_step(own, limited, 0.01, rng)
     assert ref[1:] == pytest.approx([own[i] for i in (0, 1, 3, 4, 5)], abs=1e-9)
 
 
-def test_the_preview_foretells_the_reference():
+def test_preview_equals_the_later_reference():
     aux, u = CASES["hard-ii"]
     follower = Follower(aux, u, stream(0))
     foretold = follower.preview(7.0)
@@ -147,26 +148,26 @@ def test_speed_law_noise_is_the_stream_s():
 
 
 def test_on_the_reference_it_asks_for_the_feed_forward():
-    speed, turn = follow(row(1.0, 2.0, 0.5, 1.0, 0.3), row(1.1, 2.0, 0.5, 1.2, 0.4), 1.0, 2.0, 0.5, GAINS, LIMITS)
+    speed, turn = follow(row(1.0, 2.0, 0.5, 1.0, 0.3), row(1.1, 2.0, 0.5, 1.2, 0.4), 1.0, 2.0, 0.5, GAINS)
     assert (speed, turn) == pytest.approx((1.2, 0.4))
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0])
-def test_errors_are_answered_towards_the_reference(speed):
+def test_follow_corrects_position_and_heading_errors(speed):
     here = row(speed=speed)
-    assert follow(here, here, -0.1, 0.0, 0.0, GAINS, LIMITS)[0] > speed  # reference ahead
-    assert follow(here, here, 0.1, 0.0, 0.0, GAINS, LIMITS)[0] < speed
-    aside = follow(here, here, 0.0, -0.1, 0.0, GAINS, LIMITS)[1]  # reference to the left
+    assert follow(here, here, -0.1, 0.0, 0.0, GAINS)[0] > speed  # reference ahead
+    assert follow(here, here, 0.1, 0.0, 0.0, GAINS)[0] < speed
+    aside = follow(here, here, 0.0, -0.1, 0.0, GAINS)[1]  # reference to the left
     assert math.copysign(1.0, aside) == math.copysign(1.0, speed)  # backing, one steers the other way
-    assert follow(here, here, 0.0, 0.0, -0.1, GAINS, LIMITS)[1] > 0.0
+    assert follow(here, here, 0.0, 0.0, -0.1, GAINS)[1] > 0.0
 
 
-def test_asks_stay_within_the_car_s_limits():
+def test_commands_stay_within_the_car_s_limits():
     far = row(100.0, 100.0, 2.0, 2.9, 1.0)
-    speed, turn = follow(far, far, 0.0, 0.0, 0.0, GAINS, LIMITS)
+    speed, turn = follow(far, far, 0.0, 0.0, 0.0, GAINS)
     assert abs(speed) <= 3.0
     assert abs(turn) == 2.5235
-    assert follow(far, row(speed=0.0), 0.0, 0.0, 0.0, GAINS, LIMITS)[0] == pytest.approx(0.8)
+    assert follow(far, row(speed=0.0), 0.0, 0.0, 0.0, GAINS)[0] == pytest.approx(0.8)
 
 
 def test_an_old_measurement_is_predicted_to_now_but_not_without_bound():

@@ -75,7 +75,7 @@ def test_half_a_second_without_commands_stops_the_car(bench):
     assert bench.said["SystemState"]["mode"] == 1
 
 
-def test_garbage_short_frames_and_the_car_s_own_frames_do_not_move_it(bench):
+def test_invalid_and_foreign_frames_do_not_move_the_car(bench):
     bench.enable().run(0.1)
     for frame in [
         (0x111, b"\x05\xdc\x00"),
@@ -260,7 +260,7 @@ def test_the_board_s_row(bench):
     ]
 
 
-def test_an_old_car_speaks_v1_only(bus):
+def test_protocol_1_car_sends_only_the_v1_state(bus):
     car = ScoutSim(bus[1], protocol=1)
     bus[0].send(ENABLE)
     for k in range(100):
@@ -269,7 +269,7 @@ def test_an_old_car_speaks_v1_only(bus):
     assert car.mode == 0
 
 
-def test_nonsense_is_refused(bus):
+def test_invalid_arguments_are_refused(bus):
     with pytest.raises(ValueError, match="protocol"):
         ScoutSim(bus[1], protocol=3)
     with pytest.raises(ValueError, match="finite"):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from groundcar.motion import board_motion as motion
+from groundcar.motion import board_row
 from hil.assembly.board_motion import hover_start, motion_aux, start_board
 from kernel.random import stream
 from scenarios.draw import draw
@@ -35,11 +36,11 @@ def test_hard_i_asks_for_the_papers_speeds():
     scenario = load("hard-i")
     drawn = draw(scenario, 1)
     aux, row = motion_aux(scenario, drawn), start_board(scenario, drawn)
-    motion.motion_reset(row, aux, row[motion.U], row[motion.Z], row[motion.INCLINATION], True)
+    motion.motion_reset(row, aux, row[board_row.U], row[board_row.Z], row[board_row.INCLINATION], True)
     rng, speeds = stream(1), []
     for _ in range(600):
         motion.motion_step(row, aux, 0.01, rng)
-        speeds.append(row[motion.SPEED])
+        speeds.append(row[board_row.SPEED])
     assert min(speeds) == pytest.approx(1.0, abs=0.01)
     assert max(speeds) == pytest.approx(2.5, abs=0.01)
-    assert row[motion.INCLINATION] == pytest.approx(math.radians(70.0))
+    assert row[board_row.INCLINATION] == pytest.approx(math.radians(70.0))

@@ -8,12 +8,13 @@ import threading
 import pytest
 
 from hil.assembly.builder import Assembly
+from hil.assembly.node_table import NODES, service_nodes
 from hil.assembly.rig import Calibration, CameraSlot, Rig, list_rigs, load_rig
 from hil.assembly.sensing import mounted_cameras
 from hil.assembly.simulation import build
 from hil.contract.wire import CanFrame
 from hil.live.reach import reach
-from hil.live.spec import services, simulated_twin
+from hil.live.spec import simulated_twin
 from hil.viewer.view import free_port
 from hil.wires import WireError
 from hil.wires.can import open_can
@@ -56,9 +57,9 @@ def test_an_incomplete_rig_is_an_error_when_it_is_read(tmp_path, text, told):
 
 
 def test_a_real_device_has_no_simulated_process():
-    assert "vehicle_device" in services(load_rig("sim"))
-    assert "vehicle_device" not in services(load_rig("px4-sitl"))
-    assert "car_device" not in services(load_rig("field"))
+    assert "vehicle_device" in service_nodes(load_rig("sim"))
+    assert "vehicle_device" not in service_nodes(load_rig("px4-sitl"))
+    assert "car_device" not in service_nodes(load_rig("field"))
 
 
 def found(rig, listen_s=0.1):
@@ -119,7 +120,7 @@ def autopilot(port, data, times=60):
     ("data", "ok", "told"),
     [
         (Packer(1, 1).send_name("HEARTBEAT", 2, 12, 29, 0, 3, 3), True, "MAVLink comes in"),
-        (b"\x00garbage", False, "bytes that are no MAVLink came"),
+        (b"\x00garbage", False, "data that are no MAVLink came"),
     ],
 )
 def test_a_vehicle_s_port_is_listened_to(data, ok, told):
@@ -141,7 +142,7 @@ def test_a_port_in_use_is_named():
 
 @pytest.mark.parametrize(
     ("can_id", "ok", "told"),
-    [(0x221, True, "protocol V2"), (0x151, False, "speaks protocol V1"), (0x7AB, False, "1 other identifiers")],
+    [(0x221, True, "protocol V2"), (0x151, False, "uses protocol V1"), (0x7AB, False, "1 other identifiers")],
 )
 def test_a_car_is_recognised_by_what_it_sends(can_id, ok, told):
     channel = f"reach-{can_id:x}"
@@ -175,7 +176,7 @@ def test_a_device_is_not_opened_by_a_host_that_does_not_keep_real_time():
         Assembly(scenario, real, drawn, lambda: None, None).node("camera")  # type: ignore[arg-type]
     with pytest.raises(WireError, match="there is no camera /dev/video77"):
         Assembly(scenario, real, drawn, lambda: None, None, lambda: 0).node("camera")  # type: ignore[arg-type]
-    assert Assembly(scenario, real, drawn, lambda: None, None).device_nodes == ("camera",)  # type: ignore[arg-type]
+    assert [name for name, row in NODES.items() if row.measures(real)] == ["camera"]
 
 
 def test_the_camera_of_a_device_is_the_airframe_s_without_drawn_errors():

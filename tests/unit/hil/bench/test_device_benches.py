@@ -85,9 +85,9 @@ def test_recorded_pictures_pass_every_camera_item(context, name):
     assert judged.outcome in (Outcome.PASS, Outcome.MARGINAL), judged
 
 
-def test_what_they_measure_is_what_was_set(context):
+def test_measured_values_equal_the_set_ones(context):
     bench = context.camera()
-    seen = bench.look(DISTANCE)
+    seen = bench.measure_board(DISTANCE)
     assert len(seen) == 10
     assert {s.pose.found for s in seen} == {True}
     assert np.mean([s.distance for s in seen]) == pytest.approx(DISTANCE, abs=0.02)
@@ -147,11 +147,11 @@ def vrpn(tmp_path, monkeypatch):
     return with_rig(tmp_path, mocap=MocapSlot(kind="vrpn", server="here", delay_ms=8.0))
 
 
-def test_motion_capture_is_listened_to(vrpn):
+def test_motion_capture_rate_and_age_are_measured(vrpn):
     report = vrpn.mocap()
     assert report.rate_hz == pytest.approx(100.0, abs=10.0)
     assert report.age_ms > 10.0
-    assert "VRPN from here; 8 ms of the age are the rig's word" in report.source
+    assert "VRPN from here; 8 ms of the age are the rig's setting" in report.source
 
 
 def test_motion_capture_that_is_silent_is_unknown(vrpn, monkeypatch):

@@ -83,7 +83,7 @@ def test_an_autopilot_on_udp_is_read_without_arming_it(tmp_path):
             context.forget()
 
 
-def test_a_car_on_a_can_bus_really_stops(tmp_path):
+def test_car_on_a_can_bus_stops(tmp_path):
     wire = open_can("virtual", "check")
     sim = ScoutSim(wire)
     context = with_rig(tmp_path, groundcar={"kind": "can", "interface": "virtual", "channel": "check"})
@@ -100,7 +100,7 @@ def test_a_car_on_a_can_bus_really_stops(tmp_path):
             context.forget()
 
 
-def test_nobody_at_the_address_is_unknown_and_says_what_was_tried(tmp_path, monkeypatch):
+def test_no_answer_at_the_address_is_unknown_and_named(tmp_path, monkeypatch):
     monkeypatch.setattr("hil.bench.vehicle._ANSWER_LIMIT_NS", 300_000_000)
     port = free_port()
     context = with_rig(tmp_path, vehicle={"kind": "mavlink", "url": f"udp://:{port}"})

@@ -74,7 +74,7 @@ def test_another_authoritys_certificate_is_refused(keys, tmp_path):
     assert "was not signed by" in fault(keys)
 
 
-def test_a_key_of_somebody_else_is_refused(keys):
+def test_a_key_of_another_identity_is_refused(keys):
     shutil.copy(keys / "hub.key", keys / "brain.key")
     assert "does not belong to" in fault(keys)
 

@@ -43,7 +43,7 @@ def watched():
     return clocks, DateWatch(lambda: clocks.date_ns, lambda: clocks.monotonic_ns)
 
 
-def test_a_step_of_the_date_is_told_once_with_its_size():
+def test_a_step_of_the_date_is_reported_once_with_its_size():
     clocks, watch = watched()
     clocks.run(SECOND)
     assert watch.text() == ""
@@ -94,5 +94,5 @@ def test_a_hub_that_does_not_answer_yet_is_asked_again():
 
 
 def test_a_hub_that_never_answers_is_given_up():
-    with pytest.raises(TimeoutError, match="does not tell its clock"):
+    with pytest.raises(TimeoutError, match="does not answer for its clock"):
         ClockWatch(Hub(silent=10**6)).measure(limit_s=0.2)

@@ -5,12 +5,13 @@ import time
 import pytest
 import zenoh
 
+from hil.assembly.node_table import SERVICES, service_nodes
+from hil.assembly.rig import load_rig
 from hil.bus.certificates import make_keys
 from hil.bus.keys import access_control
 from hil.bus.leaf import CONTROL, OBSERVERS, TOPIC, Bus, BusError, Mailbox, credentials_in, open_hub
 from hil.bus.session import settings
 from hil.contract import messages as m
-from hil.live.spec import GROUPS
 from tests.unit.hil.bus.test_leaf import free_endpoint
 
 ACTION = m.Action(1, True, (0.0, 0.0, 0.0), 9.81, "follow", 0, 9.81)
@@ -22,14 +23,14 @@ LIMIT_S = 10.0
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
     folder = tmp_path_factory.mktemp("closed") / "keys"
-    make_keys(folder, ["hub", *OBSERVERS, *GROUPS])
+    make_keys(folder, ["hub", *OBSERVERS, *SERVICES])
     return folder
 
 
 @pytest.fixture(scope="module")
 def hub(keys):
     endpoint = free_endpoint().replace("tcp/", "tls/")
-    with open_hub(endpoint, credentials_in(keys, "hub"), access_control(GROUPS)):
+    with open_hub(endpoint, credentials_in(keys, "hub"), access_control(service_nodes(load_rig("sim")))):
         yield endpoint
 
 
@@ -46,7 +47,7 @@ def join(hub, keys):
         bus.close()
 
 
-class Ear:
+class RunEvents:
     """Everything that is heard on a key: a subscription that nobody on this side has checked."""
 
     def __init__(self, bus, key):
@@ -62,7 +63,7 @@ def until(condition, again=lambda: None):
         time.sleep(0.02)
 
 
-def test_without_a_certificate_nobody_comes_in(hub, keys):
+def test_a_process_without_a_certificate_is_refused(hub, keys):
     for more in (
         {},
         {"transport/link/tls/root_ca_certificate": str(keys / "ca.crt")},  # it trusts the hub, but is nobody itself
@@ -76,7 +77,7 @@ def test_without_a_certificate_nobody_comes_in(hub, keys):
         Bus(hub.replace("tls/", "tcp/"), timeout_s=1.0)
 
 
-def test_another_authoritys_certificate_is_of_no_use(hub, keys, tmp_path):
+def test_a_certificate_of_another_authority_is_refused(hub, keys, tmp_path):
     make_keys(tmp_path / "other", ["brain"])
     foreign = credentials_in(tmp_path / "other", "brain")
     with pytest.raises(BusError, match="another authority"):
@@ -95,9 +96,9 @@ def test_a_client_notices_a_hub_of_another_authority(keys, tmp_path):
         Bus(endpoint, credentials_in(keys, "brain"), timeout_s=1.5)
 
 
-def test_the_policys_identity_hears_its_inputs_and_never_the_cars_truth(join):
+def test_the_policys_identity_receives_its_inputs_and_never_the_cars_truth(join):
     brain, car, detector = join("brain"), join("car_device"), join("detector")
-    allowed, forbidden, all_of_it = (Ear(brain, TOPIC + key) for key in ("board/detection", "truth/board", "**"))
+    allowed, forbidden, all_of_it = (RunEvents(brain, TOPIC + key) for key in ("board/detection", "truth/board", "**"))
     witness = Mailbox()
     join("recorder").subscribe("recorder", ["truth/board"], witness)
     seen = m.Detection(1, False, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, (), (), "", 0, 0)
@@ -112,7 +113,7 @@ def test_the_policys_identity_hears_its_inputs_and_never_the_cars_truth(join):
     witness.close()
 
 
-def test_only_the_policy_commands_and_only_the_gate_says_what_was_sent(join):
+def test_only_the_policy_commands_and_only_the_gate_publishes_what_was_sent(join):
     brain, link, camera, recorder = (join(who) for who in ("brain", "vehicle_link", "camera", "recorder"))
     mailbox, said = Mailbox(), {"policy/action": set(), "vehicle/sent": set()}
     recorder.subscribe("recorder", list(said), mailbox)
@@ -121,8 +122,8 @@ def test_only_the_policy_commands_and_only_the_gate_says_what_was_sent(join):
         for author, bus in enumerate((brain, link, camera)):
             bus.publish(author, "policy/action", ACTION)
             bus.publish(author, "vehicle/sent", SENT)
-        for letter in mailbox.drain():
-            said[letter.topic].add(letter.published_ns)  # here: who wrote it
+        for delivery in mailbox.drain():
+            said[delivery.topic].add(delivery.published_ns)  # here: who wrote it
 
     until(lambda: all(said.values()), publish)
     for _ in range(20):
@@ -132,18 +133,18 @@ def test_only_the_policy_commands_and_only_the_gate_says_what_was_sent(join):
     mailbox.close()
 
 
-def test_nobody_but_the_supervisor_gives_orders(join):
+def test_only_the_supervisor_gives_orders(join):
     supervisor, brain, link = join("supervisor"), join("brain"), join("vehicle_link")
     orders = []
     link.hear(CONTROL, orders.append)
 
     def both():
-        brain.say(CONTROL, {"order": "abort", "why": "the policy says so"})
-        supervisor.say(CONTROL, {"order": "watch"})
+        brain.send_table(CONTROL, {"order": "abort", "why": "the policy says so"})
+        supervisor.send_table(CONTROL, {"order": "watch"})
 
     until(lambda: len(orders) >= 10, both)
     assert all(order == {"order": "watch"} for order in orders)
 
 
-def test_everybody_may_compare_clocks(join):
+def test_every_service_may_compare_clocks(join):
     assert join("camera").clock().measure(tries=3).shared

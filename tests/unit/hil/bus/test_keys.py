@@ -3,18 +3,19 @@
 import pytest
 
 from hil.assembly.builder import Assembly
+from hil.assembly.node_table import node_names, service_nodes
 from hil.assembly.plan import Plan
 from hil.assembly.simulation import MemoryWires
-from hil.bus.keys import OUTPUTS, access_control
+from hil.bus.keys import access_control
 from hil.bus.leaf import CONTROL, TOPIC
-from hil.live.spec import services
+from hil.contract.topics import published_by
 from scenarios.draw import draw
 
 PLAN = Plan("simple-i", "sim", None, "model")
 
 
 def rules():
-    table = access_control(services(PLAN.rig))
+    table = access_control(service_nodes(PLAN.rig))
     return table, {rule["id"]: set(rule["key_exprs"]) for rule in table["rules"]}
 
 
@@ -26,14 +27,14 @@ def test_everything_not_allowed_is_denied():
 
 
 @pytest.mark.parametrize("kind", ["out", "sub"])
-def test_the_policys_identity_cannot_hear_the_cars_truth(kind):
+def test_the_policys_identity_cannot_receive_the_cars_truth(kind):
     _, keys = rules()
     assert {TOPIC + "belief", TOPIC + "vehicle/odometry"} <= keys[f"brain-{kind}"]
     assert not {TOPIC + "truth/board", TOPIC + "mocap/board", TOPIC + "car/command"} & keys[f"brain-{kind}"]
     assert not any("*" in key for key in keys[f"brain-{kind}"])
 
 
-def test_only_the_policy_commands_and_only_the_gate_says_what_was_sent():
+def test_only_the_policy_commands_and_only_the_gate_publishes_what_was_sent():
     _, keys = rules()
     for topic, service in (("policy/action", "brain"), ("vehicle/sent", "vehicle_link"), ("car/command", "car")):
         assert [name for name, allowed in keys.items() if name.endswith("-in") and TOPIC + topic in allowed] == [
@@ -49,9 +50,9 @@ def test_truth_has_one_source_while_the_vehicle_is_simulated():
     assert TOPIC + "truth/board" not in keys["car-in"]
 
 
-def test_the_table_of_outputs_is_the_nodes_own():
+def test_every_node_publishes_what_the_contract_lets_it_write():
     twin = Assembly(PLAN.scenario, PLAN.rig, draw(PLAN.scenario, 0), PLAN.make_policy, MemoryWires(PLAN.rig, lambda: 0))
     for name in twin.names:
         node = twin.node(name)
-        assert set(node.outputs) - {"event"} <= set(OUTPUTS[name])
+        assert set(node.outputs) - {"event"} <= published_by(name, node_names(PLAN.rig))
         node.close()

@@ -1,4 +1,4 @@
-"""The bus: letters come whole, in order, stamped; readers the contract does not list are refused; bad bytes count."""
+"""The bus: messages come whole, in order, stamped; readers the contract does not list are refused; bad bytes count."""
 
 import socket
 import time
@@ -7,6 +7,7 @@ import pytest
 import zenoh
 
 from hil.bus.leaf import HEALTH, TOPIC, Bus, BusError, Mailbox, open_hub
+from hil.bus.mailbox import STAMP
 from hil.contract import messages as m
 from hil.contract.codec import encode
 
@@ -34,11 +35,11 @@ def image(number):
 
 
 def collect(mailbox, count, limit_s=5.0):
-    letters, until = [], time.monotonic() + limit_s
-    while len(letters) < count and time.monotonic() < until:
+    deliveries, until = [], time.monotonic() + limit_s
+    while len(deliveries) < count and time.monotonic() < until:
         mailbox.wait(50_000_000)
-        letters += mailbox.drain()
-    return letters
+        deliveries += mailbox.drain()
+    return deliveries
 
 
 def published_until_heard(bus, mailbox, topic, make):
@@ -50,25 +51,25 @@ def published_until_heard(bus, mailbox, topic, make):
     for number in range(200):
         bus.publish(number, topic, make(number))
         mailbox.wait(20_000_000)
-        letters = mailbox.drain()
-        if letters:
-            while letters[-1].sequence < number and (more := collect(mailbox, 1, 1.0)):
-                letters += more
-            return number + 1, letters
+        deliveries = mailbox.drain()
+        if deliveries:
+            while deliveries[-1].sequence < number and (more := collect(mailbox, 1, 1.0)):
+                deliveries += more
+            return number + 1, deliveries
     raise AssertionError("nothing was ever heard")
 
 
-def test_letters_come_whole_in_order_and_stamped(endpoint):
+def test_messages_arrive_whole_in_order_and_stamped(endpoint):
     mailbox = Mailbox()
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.subscribe("policy", ["belief"], mailbox)
         first, _ = published_until_heard(a, mailbox, "belief", belief)
         for number in range(first, first + 200):
             assert a.publish(1000 + number, "belief", belief(number)) == number
-        letters = collect(mailbox, 200)
-        assert [letter.sequence for letter in letters] == list(range(first, first + 200))
-        assert all(letter.message == belief(letter.sequence) for letter in letters)
-        assert all(letter.published_ns == 1000 + letter.sequence for letter in letters)
+        deliveries = collect(mailbox, 200)
+        assert [delivery.sequence for delivery in deliveries] == list(range(first, first + 200))
+        assert all(delivery.message == belief(delivery.sequence) for delivery in deliveries)
+        assert all(delivery.published_ns == 1000 + delivery.sequence for delivery in deliveries)
         assert (mailbox.dropped, mailbox.lost, mailbox.garbage) == ({}, {}, 0)
     mailbox.close()
 
@@ -77,12 +78,12 @@ def test_pictures_come_bit_for_bit(endpoint):
     mailbox = Mailbox(pictures=60)
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.subscribe("detector", ["camera/image"], mailbox)
-        first, letters = published_until_heard(a, mailbox, "camera/image", image)
+        first, deliveries = published_until_heard(a, mailbox, "camera/image", image)
         for number in range(first, first + 20):  # the sessions are no longer new
             a.publish(number, "camera/image", image(number))
-            letters += collect(mailbox, 1, 0.1)
-        assert letters[-1].sequence > first
-        assert [letter.message for letter in letters] == [image(letter.sequence) for letter in letters]
+            deliveries += collect(mailbox, 1, 0.1)
+        assert deliveries[-1].sequence > first
+        assert [delivery.message for delivery in deliveries] == [image(delivery.sequence) for delivery in deliveries]
     mailbox.close()
 
 
@@ -104,7 +105,7 @@ def test_the_recorder_reads_everything(endpoint):
         bus.subscribe("recorder", ["truth/board", "belief"], Mailbox())
 
 
-def test_readers_that_share_a_mailbox_get_each_letter_once(endpoint):
+def test_readers_that_share_a_mailbox_get_each_message_once(endpoint):
     mailbox = Mailbox()
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.subscribe("belief", ["vehicle/odometry"], mailbox)
@@ -118,10 +119,10 @@ def test_readers_that_share_a_mailbox_get_each_letter_once(endpoint):
         for number in range(20):
             a.publish(number, "vehicle/odometry", m.VehicleState(number, (0.0,) * 3, (0.0,) * 3, level, (0.0,) * 3))
         assert a.publish(0, "belief", belief(0)) == 0
-        letters = []
-        while not letters or letters[-1].topic != "belief":  # nothing of before comes after it
-            letters += collect(mailbox, 1)
-        assert [one.sequence for one in letters if one.topic == "vehicle/odometry"] == list(range(first, first + 20))
+        deliveries = []
+        while not deliveries or deliveries[-1].topic != "belief":  # nothing of before comes after it
+            deliveries += collect(mailbox, 1)
+        assert [one.sequence for one in deliveries if one.topic == "vehicle/odometry"] == list(range(first, first + 20))
     mailbox.close()
 
 
@@ -141,18 +142,18 @@ def test_garbage_on_a_topic_is_counted_not_delivered(endpoint):
     mailbox.close()
 
 
-def test_tables_of_the_harness_go_by_their_key(endpoint):
+def test_a_health_is_of_the_service_whose_key_it_came_on(endpoint):
     heard = []
     with Bus(endpoint) as a, Bus(endpoint) as b:
-        b.hear(HEALTH + "*", heard.append)
+        b.on_table(HEALTH + "*", heard.append)
         until = time.monotonic() + 5.0
         while not heard and time.monotonic() < until:
             a._session.put(HEALTH + "x", b"no json")
             a._session.put(HEALTH + "x", b"[1]")
-            a.say(HEALTH + "x", {"service": "x"})
+            a.send_table(HEALTH + "x", {"service": "vehicle_link", "safe": True})
             time.sleep(0.02)
     assert heard
-    assert all(table == {"service": "x"} for table in heard)
+    assert all(table == {"service": "x", "safe": True} for table in heard), "the key names the service, not the table"
 
 
 def test_one_machine_has_one_clock(endpoint):
@@ -204,18 +205,18 @@ def test_the_newest_picture_wins_and_the_others_are_counted():
     mailbox = Mailbox()
     for number in range(5):
         put(mailbox, "camera/image", number, image(number))
-    assert [letter.sequence for letter in mailbox.drain()] == [4]
+    assert [delivery.sequence for delivery in mailbox.drain()] == [4]
     assert mailbox.dropped == {"camera/image": 4}
 
 
-def test_who_needs_fewer_pictures_takes_fewer_and_misses_none():
+def test_a_reader_with_a_picture_period_takes_fewer_pictures_and_counts_none_as_lost():
     mailbox = Mailbox(pictures=60, picture_period_ns=50)
     for at_ns in (0, 17, 33, 52, 67, 83, 100, 117):  # published at; the number beside it is the same
         put(mailbox, "camera/image", at_ns, image(1))
         put(mailbox, "belief", at_ns, belief(1))
-    letters = mailbox.drain()
-    assert [one.published_ns for one in letters if one.topic == "camera/image"] == [0, 52, 117]
-    assert len(letters) == 8 + 3
+    deliveries = mailbox.drain()
+    assert [one.published_ns for one in deliveries if one.topic == "camera/image"] == [0, 52, 117]
+    assert len(deliveries) == 8 + 3
     assert "camera/image" not in mailbox.lost | mailbox.dropped
 
 
@@ -223,7 +224,7 @@ def test_a_full_mailbox_drops_the_oldest():
     mailbox = Mailbox(depth=8)
     for number in range(11):
         put(mailbox, "belief", number, belief(number))
-    assert [letter.sequence for letter in mailbox.drain()] == list(range(3, 11))
+    assert [delivery.sequence for delivery in mailbox.drain()] == list(range(3, 11))
     assert mailbox.dropped == {"belief": 3}
 
 
@@ -235,12 +236,21 @@ def test_missing_numbers_are_counted():
     assert mailbox.lost == {"belief": 5}
 
 
+@pytest.mark.parametrize("wild", [2**63, 2**64 - 1, 2**32, 70_000])
+def test_a_number_that_cannot_be_is_garbage_and_the_next_message_counts(wild):
+    mailbox = Mailbox()
+    for number in (0, wild, 1):
+        mailbox.put("belief", encode(belief(number % 1000)), STAMP.pack(0, number))
+    assert [delivery.sequence for delivery in mailbox.drain()] == [0, 1]
+    assert (mailbox.garbage, mailbox.lost) == (1, {})
+
+
 def test_topics_keep_their_common_order():
     mailbox = Mailbox()
     order = ["belief", "run/stage", "belief", "run/stage"]
     for number, topic in enumerate(order):
         put(mailbox, topic, number // 2, belief(number) if topic == "belief" else m.Stage(number, "lead", 0, 0))
-    assert [letter.topic for letter in mailbox.drain()] == order
+    assert [delivery.topic for delivery in mailbox.drain()] == order
 
 
 def test_zenoh_is_not_scouting():

@@ -100,7 +100,7 @@ def test_the_order_of_keys_makes_no_other_run(value):
 
 
 def fine(grid, job, code):
-    return Result(job, within_tolerance=job.seed == 1)
+    return Result(job, "perched" if job.seed == 1 else "missed")
 
 
 def dies(grid, job, code):
@@ -116,7 +116,7 @@ def test_every_job_comes_back_once(grid, monkeypatch):
     jobs = [Job("simple-i", "planner", seed) for seed in range(5)]
     results = list(fly_all(grid, jobs, 2, CODE))
     assert {r.job for r in results} == set(jobs)
-    assert [r.job.seed for r in results if r.within_tolerance] == [1]
+    assert [r.job.seed for r in results if r.verdict == "perched"] == [1]
 
 
 def test_a_process_that_dies_ends_the_campaign_with_one_line(grid, monkeypatch):
@@ -155,7 +155,7 @@ def test_what_a_flight_raises_is_told_and_interrupts_are_ignored_afterwards(grid
 
 
 def test_a_flight_without_an_attempt_is_a_failure_not_a_miss(grid, monkeypatch):
-    score = SimpleNamespace(within_tolerance=False, attached=False, reasons=())
+    score = SimpleNamespace(verdict="missed", reasons=())
     flight = SimpleNamespace(
         interrupted=False, run=SimpleNamespace(recording=grid.out / "none"), score=score, failure="no GPS"
     )

@@ -14,10 +14,10 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
-from hil.check.command import Wish, run_checklist
+from hil.check.command import CheckRequest, run_checklist
 
 
-def wish(folder: Path, list_file: Path, **more) -> Wish:
+def check_request(folder: Path, list_file: Path, **more) -> CheckRequest:
     """The command line of most tests; the record is folder/record.json."""
     options = {
         "list_name": str(list_file),
@@ -34,13 +34,13 @@ def wish(folder: Path, list_file: Path, **more) -> Wish:
         "as_json": False,
         "junit_file": None,
     }
-    return Wish(**{**options, **more})
+    return CheckRequest(**{**options, **more})
 
 
 class Console:
     """A child that runs the command on a pseudo terminal of the given size."""
 
-    def __init__(self, asked: Wish, columns: int = 80, term: str = "xterm", **environment: str) -> None:
+    def __init__(self, asked: CheckRequest, columns: int = 80, term: str = "xterm", **environment: str) -> None:
         self.text = ""
         self.pid, self._fd = pty.fork()
         if self.pid == 0:

@@ -1,4 +1,4 @@
-"""Made-up checklists, a scripted operator, and checks that do as a test tells them."""
+"""Checklists for tests, a scripted operator, and checks with scripted results."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from hil.assembly.rig import load_rig
 from hil.bench.devices import Context, subject
-from hil.check import catalogue, registry
+from hil.check import registry
 from hil.check.checklist import Checklist
 from hil.check.judge import Outcome, Reading
 from hil.check.records import Record
@@ -22,7 +22,6 @@ PASS = Answer(Outcome.PASS)
 @contextmanager
 def registered(name: str, function: Callable[..., Reading], unit: str = ""):
     """A check that exists for the test only."""
-    catalogue.checks()
     registry.check(name, unit)(function)
     try:
         yield
@@ -75,14 +74,16 @@ class Operator:
         return self.again >= 0
 
 
-class Nobody(Operator):
+class NoOperator(Operator):
     """No terminal."""
 
     interactive = False
 
 
-def sit(made: Checklist, record: Record, tmp_path: Path, face: Operator | None = None, who: str = "Ann") -> Operator:
+def run_session(
+    made: Checklist, record: Record, tmp_path: Path, interface: Operator | None = None, who: str = "Ann"
+) -> Operator:
     """One sitting; the record is at record.json."""
-    face = face or Operator()
-    Session(made, context(tmp_path), record, tmp_path / "record.json", face, who).run()
-    return face
+    interface = interface or Operator()
+    Session(made, context(tmp_path), record, tmp_path / "record.json", interface, who).run()
+    return interface

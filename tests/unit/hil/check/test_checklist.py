@@ -28,7 +28,7 @@ def test_the_lists_that_come_with_the_project_load():
         assert load_checklist(name).kind == name
 
 
-def test_a_crews_own_list_clears_nothing_unless_it_says_so(tmp_path):
+def test_own_list_clears_only_with_kind_preflight(tmp_path):
     assert load_checklist(write(tmp_path, GOOD)).kind == "other"
 
 

@@ -10,7 +10,7 @@ from hil.check.command import run_checklist
 from hil.check.judge import Outcome, Reading
 from hil.check.records import RecordError
 from hil.recording.provenance import ProvenanceError
-from tests.unit.hil.check.console import Console, wish
+from tests.unit.hil.check.console import Console, check_request
 from tests.unit.hil.check.made_up import registered
 
 LIST = """
@@ -59,7 +59,7 @@ def listed(tmp_path):
 
 def start(folder, **more) -> Console:
     terminal = {k: more.pop(k) for k in ("columns", "term", "NO_COLOR") if k in more}
-    return Console(wish(folder, folder / "list.toml", **more), **terminal)
+    return Console(check_request(folder, folder / "list.toml", **more), **terminal)
 
 
 def answer(console: Console, place: int) -> None:
@@ -76,15 +76,15 @@ def answer(console: Console, place: int) -> None:
 def finish(console: Console, places=(1, 3, 5), sign: str = "y") -> tuple[int, str]:
     for place in places:
         answer(console, place)
-    console.wait_for("leave it open")
+    console.wait_for("leave it unsigned")
     console.type(sign)
     return console.end()
 
 
-def test_a_whole_walk_signed_is_a_go(listed):
+def test_completed_and_signed_off_list_is_a_go(listed):
     code, text = finish(start(listed, junit_file=listed / "out.xml"))
     assert code == 0
-    assert "GO, signed by Ann" in text
+    assert "GO, sealed by Ann" in text
     record = records.read(listed / "record.json")
     assert record.genuine()
     assert [e.outcome for e in record.entries] == [Outcome.PASS] * 6
@@ -92,14 +92,14 @@ def test_a_whole_walk_signed_is_a_go(listed):
     assert "<testsuites" in (listed / "out.xml").read_text()
 
 
-def test_a_go_that_is_not_signed_is_incomplete(listed):
+def test_go_without_sign_off_is_incomplete(listed):
     code, text = finish(start(listed), sign="n")
     assert (code, "not signed off" in text) == (4, True)
     assert records.read(listed / "record.json").state == "incomplete"
 
 
 @pytest.mark.parametrize("place", range(6))
-def test_kill_9_at_each_item_loses_nothing_and_the_next_sitting_goes_on(listed, place):
+def test_kill_9_at_each_item_loses_nothing_and_the_next_session_resumes(listed, place):
     hold = listed / f"hold-{place}"
     if place % 2 == 0:
         hold.touch()
@@ -129,7 +129,7 @@ def test_kill_9_at_each_item_loses_nothing_and_the_next_sitting_goes_on(listed, 
     assert len(list(listed.glob("reached-*"))) == 3  # automatic items ran again, all of them
 
 
-def test_ctrl_c_at_a_question_keeps_the_record_and_says_how_to_go_on(listed):
+def test_ctrl_c_at_a_question_keeps_the_record_for_resuming(listed):
     console = start(listed)
     answer(console, 1)
     console.wait_for(QUESTIONS[3])
@@ -149,7 +149,7 @@ def test_a_closed_window_keeps_the_record(listed):
 
 
 @pytest.mark.parametrize("typed", ["p", "ppppp\nyyy\n"])
-def test_what_is_typed_ahead_answers_nothing(listed, typed):
+def test_keys_typed_ahead_are_discarded(listed, typed):
     (listed / "hold-0").touch()
     console = start(listed)
     end = time.monotonic() + 30
@@ -177,16 +177,16 @@ def test_a_failed_item_with_its_reason_is_a_no_go(listed):
     console.type("blade is cracked\n")
     console.wait_for("try what did not pass again")
     console.type("q")
-    console.wait_for("leave it open")
+    console.wait_for("leave it unsigned")
     console.type("y")
     code, text = console.end()
-    assert (code, "NO-GO, signed by Ann" in text) == (1, True)
+    assert (code, "NO-GO, sealed by Ann" in text) == (1, True)
     record = records.read(listed / "record.json")
     assert record.entries[1].reason == "blade is cracked"
     assert record.entries[3].outcome is Outcome.PENDING
 
 
-def test_a_failing_device_mended_on_the_spot_is_tried_again(listed):
+def test_repaired_device_is_tried_again(listed):
     (listed / "bad-2").touch()
     console = start(listed)
     answer(console, 1)
@@ -199,7 +199,7 @@ def test_a_failing_device_mended_on_the_spot_is_tried_again(listed):
     assert "FAIL" in records.read(listed / "record.json").entries[2].history[0]
 
 
-def test_a_must_cannot_be_skipped(listed):
+def test_must_item_cannot_be_skipped(listed):
     console = start(listed)
     answer(console, 1)
     answer(console, 3)
@@ -212,7 +212,7 @@ def test_a_must_cannot_be_skipped(listed):
 
 
 @pytest.mark.parametrize(("columns", "more"), [(60, {"NO_COLOR": "1"}), (80, {}), (60, {"term": "dumb"})])
-def test_sixty_columns_no_colours_and_a_dumb_terminal_will_do(listed, columns, more):
+def test_works_with_60_columns_no_colours_and_a_dumb_terminal(listed, columns, more):
     console = start(listed, columns=columns, **more)
     shown = console.wait_for(QUESTIONS[1]) + console.wait_for(KEYS)
     codes = re.findall(r"\x1b\[([0-9;]*)m", shown)
@@ -228,8 +228,8 @@ def test_sixty_columns_no_colours_and_a_dumb_terminal_will_do(listed, columns, m
 class TestWithoutATerminal:
     def test_manual_items_are_unknown_and_the_result_incomplete(self, listed, monkeypatch, capsys):
         monkeypatch.setattr("sys.stdin", open("/dev/null"))  # noqa: SIM115, PTH123
-        assert run_checklist(wish(listed, listed / "list.toml", operator=None)) == 4
-        assert "nobody was there" in capsys.readouterr().out
+        assert run_checklist(check_request(listed, listed / "list.toml", operator=None)) == 4
+        assert "there is no operator to ask" in capsys.readouterr().out
         assert records.read(listed / "record.json").entries[1].outcome is Outcome.UNKNOWN
 
     def automatic(self, folder):
@@ -239,25 +239,25 @@ class TestWithoutATerminal:
     @pytest.mark.parametrize(("sign", "code"), [(True, 0), (False, 4)])
     def test_a_list_of_automatic_items_can_be_signed_on_the_command_line(self, listed, capsys, sign, code):
         path = self.automatic(listed)
-        assert run_checklist(wish(listed, path, sign=sign)) == code
+        assert run_checklist(check_request(listed, path, sign=sign)) == code
 
     def test_json_is_the_record_and_nothing_else_on_stdout(self, listed, capsys):
-        assert run_checklist(wish(listed, self.automatic(listed), sign=True, as_json=True)) == 0
+        assert run_checklist(check_request(listed, self.automatic(listed), sign=True, as_json=True)) == 0
         said = capsys.readouterr()
         assert json.loads(said.out) == records.read(listed / "record.json").as_dict()
-        assert "GO, signed by Ann" in said.err
+        assert "GO, sealed by Ann" in said.err
 
     def test_a_failure_is_never_signed_on_the_command_line(self, listed, capsys):
         (listed / "bad-0").touch()
-        assert run_checklist(wish(listed, self.automatic(listed), sign=True)) == 1
+        assert run_checklist(check_request(listed, self.automatic(listed), sign=True)) == 1
         assert records.read(listed / "record.json").sign_off is None
 
-    def test_an_open_record_of_today_is_gone_on_with_and_fresh_begins_anew(self, listed, capsys):
+    def test_recent_open_record_is_resumed_and_fresh_begins_a_new_one(self, listed, capsys):
         for fresh, count in ((False, 1), (False, 1), (True, 2)):
-            run_checklist(wish(listed, listed / "list.toml", record=None, fresh=fresh))
+            run_checklist(check_request(listed, listed / "list.toml", record=None, fresh=fresh))
             assert len(list((listed / "checks").glob("*.json"))) == count
         said = capsys.readouterr().err
-        assert "going on with" in said and "0 answers kept" in said  # nobody was there to give any
+        assert "resuming" in said and "0 answers kept" in said
 
     @pytest.mark.parametrize(
         ("more", "says"),
@@ -270,31 +270,31 @@ class TestWithoutATerminal:
             ({"list_name": "nowhere.toml"}, "cannot be read"),
         ],
     )
-    def test_a_users_mistake_is_one_line_and_leaves_no_record(self, listed, capsys, more, says):
+    def test_usage_error_is_one_line_and_leaves_no_record(self, listed, capsys, more, says):
         with pytest.raises((ValueError, ProvenanceError)) as error:
-            run_checklist(wish(listed, listed / "list.toml", **more))
+            run_checklist(check_request(listed, listed / "list.toml", **more))
         assert says in str(error.value)
         assert len(str(error.value).splitlines()) == 1
         assert not (listed / "record.json").exists()
 
-    def test_a_record_for_something_else_or_signed_is_not_gone_on_with(self, listed, capsys):
+    def test_record_for_another_subject_or_signed_off_is_not_resumed(self, listed, capsys):
         path = self.automatic(listed)
-        asked = wish(listed, path, sign=True)
-        assert run_checklist(wish(listed, path)) == 4
+        asked = check_request(listed, path, sign=True)
+        assert run_checklist(check_request(listed, path)) == 4
         with pytest.raises(RecordError, match="another scenario"):
-            run_checklist(wish(listed, path, scenario="hard-i"))
+            run_checklist(check_request(listed, path, scenario="hard-i"))
         assert run_checklist(asked) == 0
-        with pytest.raises(RecordError, match="signed already"):
+        with pytest.raises(RecordError, match="already signed"):
             run_checklist(asked)
         with contextlib.suppress(OSError):
             (listed / "record.json").write_text("rubbish")
-        with pytest.raises(RecordError, match="no checklist record"):
+        with pytest.raises(RecordError, match="not a checklist record"):
             run_checklist(asked)
 
     def test_two_terminals_do_not_work_on_one_record(self, listed, capsys):
         console = start(listed)
         console.wait_for(QUESTIONS[1])
         with pytest.raises(RecordError, match="another terminal"):
-            run_checklist(wish(listed, listed / "list.toml"))
+            run_checklist(check_request(listed, listed / "list.toml"))
         console.kill()
-        assert run_checklist(wish(listed, listed / "list.toml")) == 4
+        assert run_checklist(check_request(listed, listed / "list.toml")) == 4

@@ -70,9 +70,9 @@ def test_no_record_is_refused_with_the_command_to_run(tmp_path):
 @pytest.mark.parametrize(
     ("made", "says"),
     [
-        ({"sign": False}, "never signed off"),
-        ({"outcome": Outcome.FAIL}, "says no-go"),
-        ({"outcome": Outcome.UNKNOWN}, "says incomplete"),
+        ({"sign": False}, "is not signed off"),
+        ({"outcome": Outcome.FAIL}, "is a no-go"),
+        ({"outcome": Outcome.UNKNOWN}, "is incomplete"),
         ({"age": timedelta(hours=4, minutes=1)}, "a go lasts 4 h"),
         ({"age": timedelta(minutes=-10)}, "in the future"),
         ({"name": "other"}, "another rig: other, not bench"),
@@ -82,7 +82,7 @@ def test_no_record_is_refused_with_the_command_to_run(tmp_path):
         ({"kind": "other"}, "no preflight record"),
     ],
 )
-def test_everything_else_is_refused_and_says_why(go, tmp_path, made, says):
+def test_record_that_does_not_fit_is_refused_with_the_reason(go, tmp_path, made, says):
     go(**made)
     with pytest.raises(NotClearedError, match=says):
         clear(tmp_path)
@@ -115,17 +115,17 @@ def test_a_policy_file_changed_since_is_refused(go, tmp_path):
 def test_an_edited_record_is_refused(go, tmp_path):
     path = go(outcome=Outcome.FAIL)
     path.write_text(path.read_text().replace('"FAIL"', '"PASS"'))
-    with pytest.raises(NotClearedError, match="changed after it was signed"):
+    with pytest.raises(NotClearedError, match="changed after it was signed off"):
         clear(tmp_path)
 
 
-def test_an_older_go_still_counts_beside_a_newer_one_for_something_else(go, tmp_path):
+def test_older_go_clears_beside_a_newer_one_for_another_scenario(go, tmp_path):
     go(age=timedelta(hours=1))
     go(scenario="simple-i", age=timedelta(minutes=1))
     assert clear(tmp_path).signed_utc == "2026-01-02T11:00:00Z"
 
 
-def test_the_override_needs_a_reason_which_is_kept_with_what_it_overrode(tmp_path):
+def test_override_needs_a_reason_and_is_kept_with_the_refusal(tmp_path):
     for empty in ("", "  ", "yes"):
         with pytest.raises(NotClearedError, match="reason in words"):
             clear(tmp_path, override=empty)
@@ -145,4 +145,32 @@ def test_the_refusal_is_about_this_rigs_newest_record(go, tmp_path):
     go(age=timedelta(hours=6))
     go(name="other", sign=False, age=timedelta(minutes=1))
     with pytest.raises(NotClearedError, match=r"1\.json: is 6\.0 h old"):
+        clear(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"subject": []},
+        {"subject": {"kind": "preflight", "rig": "bench", "policy": {"sha256": 5}, "rig_sha256": float("inf")}},
+        {"started_utc": None},
+        {"sign_off": {"operator": "Ann", "utc": "9999-12-31T23:59:59-12:00", "sha256": "0"}},
+        {"sessions": 3},
+    ],
+    ids=str,
+)
+def test_odd_file_beside_a_valid_go_does_not_stop_arming(go, tmp_path, change):
+    table = json.loads(go().read_text())
+    (tmp_path / "odd.json").write_text(json.dumps({**table, **change}))
+    assert clear(tmp_path).kind == "checklist"
+
+
+@pytest.mark.parametrize("utc", ["9999-12-31T23:59:59-12:00", "0001-01-01T00:00:00+14:00", "soon"])
+def test_go_signed_at_an_impossible_time_is_refused(go, tmp_path, utc):
+    path = go()
+    record = records.read(path)
+    record.sign_off["utc"] = utc
+    record.sign_off["sha256"] = records._digest(record.content(), "Ann", utc)
+    records.write(path, record)
+    with pytest.raises(NotClearedError, match=r"unreadable time|in the future|h old"):
         clear(tmp_path)

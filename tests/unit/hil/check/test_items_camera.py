@@ -15,9 +15,9 @@ from vehicle.render.renderer import Renderer
 
 
 @pytest.mark.parametrize("scenario", ["simple-ii", "normal-i", "hard-ii"])
-def test_the_camera_measures_the_boards_inclination_whatever_it_is(tmp_path, scenario):
+def test_camera_measures_the_boards_inclination(tmp_path, scenario):
     context = replace(make_context(tmp_path), scenario=load(scenario))
-    seen = context.camera().look(2.0)
+    seen = context.camera().measure_board(2.0)
     error = math.degrees(context.drawn.camera_tilt_error)
     for picture in seen:
         assert picture.pose.found
@@ -28,8 +28,8 @@ def test_the_camera_measures_the_boards_inclination_whatever_it_is(tmp_path, sce
 
 def test_a_board_set_to_another_angle_is_seen(context):
     bench = context.camera()
-    bench.look(2.0)
-    bench.set_deg -= 10.0  # the scenario says another angle than the board stands at
+    bench.measure_board(2.0)
+    bench.set_deg -= 10.0  # the scenario's angle differs from the board's
     judged = result(context, "board.inclination")
     assert judged.outcome is Outcome.FAIL
 

@@ -42,7 +42,7 @@ def test_a_declared_measurement_left_unset_fails():
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_number_that_is_none_is_unknown(value):
+def test_non_finite_number_is_unknown(value):
     assert judge(Reading(value), BOTH).outcome is Outcome.UNKNOWN
 
 
@@ -60,12 +60,12 @@ def test_a_checks_own_verdict_wins_over_the_limits():
     ("value", "wanted", "same"),
     [("can", "can", True), ("rc", "can", False), (0.3, 0.30000001192, True), (True, 1, False), (1, True, False)],
 )
-def test_equals_knows_words_numbers_and_truths_apart(value, wanted, same):
+def test_equals_distinguishes_texts_numbers_and_booleans(value, wanted, same):
     assert (judge(Reading(value), Limits(equals=wanted)).outcome is Outcome.PASS) == same
 
 
 @pytest.mark.parametrize("value", ["5", True])
-def test_what_is_no_number_fails_number_limits(value):
+def test_text_reading_fails_number_limits(value):
     assert judge(Reading(value), BOTH).outcome is Outcome.FAIL
 
 
@@ -78,7 +78,7 @@ def test_limits_that_contradict_each_other_are_refused(limits):
         Limits(**limits)
 
 
-def test_limits_read_as_a_person_says_them():
+def test_limits_are_written_as_text():
     assert BOTH.text("s") == "1 to 9 s"
     assert Limits(max=5).text() == "at most 5"
     assert Limits(marginal_min=3).text("%") == "at least 3 %"

@@ -7,7 +7,7 @@ import pytest
 from hil.check import records
 from hil.check.judge import Outcome
 from hil.check.records import GO, INCOMPLETE, NO_GO, RecordError
-from tests.unit.hil.check.made_up import checklist, record_of, sit
+from tests.unit.hil.check.made_up import checklist, record_of, run_session
 
 NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 
@@ -16,7 +16,7 @@ NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 def record(tmp_path):
     made = checklist([{"ask": "A"}, {"ask": "B"}])
     record = record_of(made)
-    sit(made, record, tmp_path)
+    run_session(made, record, tmp_path)
     return record
 
 
@@ -32,12 +32,12 @@ def test_a_record_reads_back_as_it_was_written(record, tmp_path):
 def test_incomplete_until_signed(record, tmp_path):
     assert json.loads((tmp_path / "record.json").read_text())["state"] == "incomplete"
     record.sign(" Ann ", NOW)
-    assert record.as_dict()["state"] == "signed"
+    assert record.as_dict()["state"] == "sealed"
     assert record.sign_off["operator"] == "Ann"
     assert record.sign_off["utc"] == "2026-01-02T03:04:05Z"
 
 
-def test_nobody_signs_without_a_name(record):
+def test_signing_without_a_name_raises(record):
     with pytest.raises(RecordError, match="name"):
         record.sign("  ", NOW)
 
@@ -54,7 +54,7 @@ def test_nobody_signs_without_a_name(record):
         lambda d: d.update(started_utc="2026-01-03T03:04:05Z"),
     ],
 )
-def test_a_change_after_signing_shows(record, tmp_path, change):
+def test_change_after_signing_is_detected(record, tmp_path, change):
     record.sign("Ann", NOW)
     table = record.as_dict()
     change(table)
@@ -63,7 +63,7 @@ def test_a_change_after_signing_shows(record, tmp_path, change):
     assert not records.read(path).genuine()
 
 
-def test_the_verdict_in_the_file_is_the_items(record):
+def test_verdict_in_the_file_follows_the_items(record):
     assert (record.exit_code(), record.content()["verdict"]) == (GO, "go")
     record.entries[0].outcome = Outcome.UNKNOWN
     assert (record.exit_code(), record.content()["verdict"]) == (INCOMPLETE, "incomplete")
@@ -73,7 +73,7 @@ def test_the_verdict_in_the_file_is_the_items(record):
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "{", '{"format": 1}', '{"format": 9}', "\0"])
-def test_what_is_no_record_is_said_with_its_name(tmp_path, text):
+def test_file_that_is_no_record_is_named(tmp_path, text):
     path = tmp_path / "r.json"
     path.write_text(text)
     with pytest.raises(RecordError, match=r"r\.json"):
@@ -103,7 +103,7 @@ def test_a_write_that_fails_leaves_the_old_record(record, tmp_path, monkeypatch)
     assert path.read_text() == before
 
 
-def test_records_are_found_newest_first_and_rubbish_is_passed_over(record, tmp_path):
+def test_records_are_found_newest_first_and_other_files_skipped(record, tmp_path):
     folder = tmp_path / "checks"
     for name, started in (("a", "2026-01-01T00:00:00Z"), ("b", "2026-01-03T00:00:00Z"), ("c", "2026-01-02T00:00:00Z")):
         record.started_utc = started

@@ -5,7 +5,7 @@ from hil.check import records
 from hil.check.judge import Outcome, Reading
 from hil.check.records import GO, INCOMPLETE, NO_GO
 from hil.check.session import Answer
-from tests.unit.hil.check.made_up import PASS, Nobody, Operator, checklist, record_of, registered, sit
+from tests.unit.hil.check.made_up import PASS, NoOperator, Operator, checklist, record_of, registered, run_session
 
 FAIL, SKIP, BACK = Answer(Outcome.FAIL, "cracked"), Answer(Outcome.SKIPPED, "no camera"), Answer(Outcome.PENDING)
 
@@ -14,7 +14,7 @@ def automatic(function, tmp_path, **item):
     made = checklist([{"check": "test.it", **item}])
     with registered("test.it", function, "s"):
         record = record_of(made)
-        sit(made, record, tmp_path)
+        run_session(made, record, tmp_path)
     return record.entries[0], record.exit_code()
 
 
@@ -58,9 +58,9 @@ def test_an_item_carries_value_limit_margin_unit_source_and_time(tmp_path):
     assert entry.seconds is not None
 
 
-def test_a_broken_check_says_how_and_the_rest_goes_on(tmp_path):
+def test_check_that_raises_is_unknown_and_the_rest_continues(tmp_path):
     entry, _ = automatic(raising(KeyError("gone")), tmp_path)
-    assert entry.reason == "the check broke: KeyError: 'gone'"
+    assert entry.reason == "the check raised KeyError: 'gone'"
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_a_broken_check_says_how_and_the_rest_goes_on(tmp_path):
 def test_every_answer_to_a_manual_item(answer, outcome, code, tmp_path):
     made = checklist([{"ask": "Well?"}])
     record = record_of(made)
-    sit(made, record, tmp_path, Operator({"Well?": [answer]}))
+    run_session(made, record, tmp_path, Operator({"Well?": [answer]}))
     entry = record.entries[0]
     assert (entry.outcome, entry.reason, record.exit_code()) == (outcome, answer.reason, code)
 
@@ -80,7 +80,7 @@ def test_every_answer_to_a_manual_item(answer, outcome, code, tmp_path):
 def test_a_manual_measurement_is_judged_and_unset_fails(value, outcome, tmp_path):
     made = checklist([{"ask": "How long?", "unit": "s", "max": 0.6, "marginal_max": 0.5}])
     record = record_of(made)
-    sit(made, record, tmp_path, Operator({"How long?": [Answer(Outcome.PASS, value=value)]}))
+    run_session(made, record, tmp_path, Operator({"How long?": [Answer(Outcome.PASS, value=value)]}))
     assert record.entries[0].outcome is outcome
     assert record.entries[0].value == value
 
@@ -88,7 +88,7 @@ def test_a_manual_measurement_is_judged_and_unset_fails(value, outcome, tmp_path
 def test_without_a_terminal_manual_items_are_unknown_and_the_result_incomplete(tmp_path):
     made = checklist([{"ask": "Well?"}], [{"ask": "And?"}])
     record = record_of(made)
-    sit(made, record, tmp_path, Nobody())
+    run_session(made, record, tmp_path, NoOperator())
     assert [e.outcome for e in record.entries] == [Outcome.UNKNOWN, Outcome.PENDING]
     assert record.exit_code() == INCOMPLETE
 
@@ -96,17 +96,17 @@ def test_without_a_terminal_manual_items_are_unknown_and_the_result_incomplete(t
 def test_a_group_stays_closed_until_the_one_before_passed_and_its_items_are_all_tried(tmp_path):
     made = checklist([{"ask": "A"}, {"ask": "B"}], [{"ask": "C"}])
     record = record_of(made)
-    face = sit(made, record, tmp_path, Operator({"A": [FAIL]}))
-    assert face.asked == ["A", "B"]
+    interface = run_session(made, record, tmp_path, Operator({"A": [FAIL]}))
+    assert interface.asked == ["A", "B"]
     assert [e.outcome for e in record.entries] == [Outcome.FAIL, Outcome.PASS, Outcome.PENDING]
     assert record.exit_code() == NO_GO
 
 
-def test_trying_again_asks_only_what_did_not_pass_and_keeps_what_it_was(tmp_path):
+def test_retry_asks_only_failed_items_and_keeps_their_history(tmp_path):
     made = checklist([{"ask": "A"}, {"ask": "B"}], [{"ask": "C"}])
     record = record_of(made)
-    face = sit(made, record, tmp_path, Operator({"A": [FAIL, PASS]}, again=1))
-    assert face.asked == ["A", "B", "A", "C"]
+    interface = run_session(made, record, tmp_path, Operator({"A": [FAIL, PASS]}, again=1))
+    assert interface.asked == ["A", "B", "A", "C"]
     assert record.exit_code() == GO
     (before,) = record.entries[0].history
     assert "FAIL by Ann: cracked" in before
@@ -117,7 +117,7 @@ def test_trying_again_reads_the_device_again(tmp_path):
     made = checklist([{"check": "test.it", "max": 2}])
     with registered("test.it", lambda context: Reading(next(values))):
         record = record_of(made)
-        sit(made, record, tmp_path, Operator(again=1))
+        run_session(made, record, tmp_path, Operator(again=1))
     assert record.entries[0].value == 1.0
     assert "FAIL" in record.entries[0].history[0]
 
@@ -126,8 +126,8 @@ def test_back_asks_the_question_before_once_more(tmp_path):
     made = checklist([{"ask": "A"}, {"check": "test.it"}, {"ask": "B"}])
     with registered("test.it", lambda context: Reading(1)):
         record = record_of(made)
-        face = sit(made, record, tmp_path, Operator({"A": [PASS, SKIP], "B": [BACK, PASS]}))
-    assert face.asked == ["A", "B", "A", "B"]
+        interface = run_session(made, record, tmp_path, Operator({"A": [PASS, SKIP], "B": [BACK, PASS]}))
+    assert interface.asked == ["A", "B", "A", "B"]
     assert record.entries[0].outcome is Outcome.SKIPPED
     assert "PASS by Ann" in record.entries[0].history[0]
 
@@ -135,24 +135,24 @@ def test_back_asks_the_question_before_once_more(tmp_path):
 def test_back_at_the_first_question_asks_it_again(tmp_path):
     made = checklist([{"ask": "A"}])
     record = record_of(made)
-    assert sit(made, record, tmp_path, Operator({"A": [BACK, BACK, PASS]})).asked == ["A", "A", "A"]
+    assert run_session(made, record, tmp_path, Operator({"A": [BACK, BACK, PASS]})).asked == ["A", "A", "A"]
     assert record.exit_code() == GO
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, EOFError])
 @pytest.mark.parametrize("at", ["A", "B", "C"])
-def test_an_interruption_leaves_a_record_that_goes_on(end, at, tmp_path):
+def test_interrupted_record_can_be_resumed(end, at, tmp_path):
     made = checklist([{"check": "test.it"}, {"ask": "A"}, {"ask": "B"}], [{"ask": "C"}])
     reads = []
     with registered("test.it", lambda context: Reading(len(reads)) if not reads.append(1) else Reading()):
         with pytest.raises(end):
-            sit(made, record_of(made), tmp_path, Operator({at: [end]}))
+            run_session(made, record_of(made), tmp_path, Operator({at: [end]}))
         saved = records.read(tmp_path / "record.json")
         assert saved.state == "incomplete"
         answered = ["A", "B", "C"].index(at)
         assert [e.outcome for e in saved.entries if e.kind == "manual"][:answered] == [Outcome.PASS] * answered
-        face = sit(made, saved, tmp_path, who="Bob")
-    assert face.asked == ["A", "B", "C"][answered:]
+        interface = run_session(made, saved, tmp_path, who="Bob")
+    assert interface.asked == ["A", "B", "C"][answered:]
     assert len(reads) == 2  # the automatic item ran again
     assert [e.operator for e in saved.entries if e.kind == "manual"] == ["Ann"] * answered + ["Bob"] * (3 - answered)
     assert [s["operator"] for s in saved.sessions] == ["Ann", "Bob"]
@@ -162,20 +162,20 @@ def test_an_interruption_leaves_a_record_that_goes_on(end, at, tmp_path):
 def test_resuming_asks_again_what_failed_or_was_unknown(tmp_path):
     made = checklist([{"ask": "A"}, {"ask": "B"}])
     record = record_of(made)
-    sit(made, record, tmp_path, Operator({"A": [FAIL]}))
-    assert sit(made, record, tmp_path).asked == ["A"]
+    run_session(made, record, tmp_path, Operator({"A": [FAIL]}))
+    assert run_session(made, record, tmp_path).asked == ["A"]
     assert "FAIL" in record.entries[0].history[0]
 
 
 def test_the_record_is_on_disk_before_the_first_item_runs(tmp_path):
     seen = []
 
-    def look(context):
+    def read_back(context):
         seen.append(records.read(tmp_path / "record.json"))
         return Reading(1)
 
     made = checklist([{"check": "test.it"}])
-    with registered("test.it", look):
-        sit(made, record_of(made), tmp_path)
+    with registered("test.it", read_back):
+        run_session(made, record_of(made), tmp_path)
     assert seen[0].state == "incomplete"
     assert seen[0].entries[0].outcome is Outcome.PENDING

@@ -1,9 +1,9 @@
 """Plain nodes and inboxes for the tests of graph, host and adapters."""
 
-from hil.contract.node import Inbox, Out
+from hil.contract.node import Inbox, Node, Out
 
 
-class FakeNode:
+class FakeNode(Node):
     """Declared by keyword; notes when it steps and what it saw; `act(now_ns, inbox)` says what it publishes."""
 
     def __init__(self, name, inputs=(), outputs=(), wakes=(), period_ns=0, act=None):
@@ -14,9 +14,6 @@ class FakeNode:
     def step(self, now_ns, inbox):
         self.steps.append((now_ns, {topic: list(inbox.new(topic)) for topic in self.inputs if inbox.new(topic)}))
         return self.act(now_ns, inbox)
-
-    def close(self):
-        pass
 
 
 def publisher(name, topic, period_ns, delay_ns=0):

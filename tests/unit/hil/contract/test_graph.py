@@ -11,25 +11,25 @@ ALL = FakeNode("everything else", outputs=tuple(TOPICS))
 CAR_TRUTH = [topic for topic in TOPICS if topic.startswith(("truth/", "mocap/", "car/"))]
 
 
-def test_the_contract_knows_where_the_car_is():
+def test_the_contract_has_topics_with_the_cars_truth():
     assert {"truth/board", "mocap/board", "car/reference", "car/feedback"} <= set(CAR_TRUTH)
 
 
 @pytest.mark.parametrize("topic", CAR_TRUTH)
 @pytest.mark.parametrize("node", [PolicyNode, BeliefNode, Detector])
-def test_what_decides_can_never_see_where_the_car_is(node, topic):
+def test_policy_belief_and_detector_may_not_read_where_the_car_is(node, topic):
     spy = FakeNode(node.name, inputs=(*node.inputs, topic))
     with pytest.raises(GraphError, match=f"'{node.name}' may not read '{topic}'"):
         check_graph([ALL, spy])
 
 
 @pytest.mark.parametrize("node", [PolicyNode, BeliefNode, Detector])
-def test_what_decides_asks_for_nothing_it_may_not_have(node):
+def test_policy_belief_and_detector_read_only_what_they_may(node):
     check_graph([ALL, FakeNode(node.name, inputs=node.inputs, wakes=node.wakes)])
 
 
 @pytest.mark.parametrize("topic", TOPICS)
-def test_readers_are_those_of_the_table_and_nobody_else(topic):
+def test_only_the_readers_of_the_table_may_read_a_topic(topic):
     readers = TOPICS[topic].readers
     for reader in {"policy", "referee", "vehicle_link", "car_follower", "somebody new"}:
         graph = [ALL, FakeNode(reader, inputs=(topic,))]
@@ -40,7 +40,7 @@ def test_readers_are_those_of_the_table_and_nobody_else(topic):
                 check_graph(graph)
 
 
-def test_a_name_is_no_disguise():
+def test_a_name_that_resembles_a_readers_may_not_read():
     """A node cannot get at the truth by a name that only looks like a reader's."""
     for name in ("camera ", "Camera", "camera/policy", "", "*"):
         assert not may_read(name, "truth/board")
@@ -54,7 +54,7 @@ def test_a_name_is_no_disguise():
         ([FakeNode("a", outputs=("belief",)), FakeNode("b", outputs=("belief",))], "both 'a' and 'b'"),
         (
             [ALL, FakeNode("policy", inputs=("car/reference",))],
-            "may not read 'car/reference': the contract allows nobody",
+            "may not read 'car/reference': the contract allows no node",
         ),
         ([ALL, FakeNode("policy", inputs=("truth/vehicle",))], "the contract allows vehicle_device, camera, mocap"),
         ([FakeNode("policy", inputs=("belief",))], "'policy' reads 'belief', which no node of this graph publishes"),

@@ -42,6 +42,6 @@ def test_one_that_does_not_fit_is_refused(services, words):
         check_live_graph(health(**services), list(services))
 
 
-def test_who_is_no_part_of_the_run_is_not_asked():
+def test_a_service_outside_the_run_is_not_checked():
     said = health(camera=[LOOKS], stranger=[LOOKS])
     check_live_graph(said | {"recorder": {}}, ["recorder", "camera"])

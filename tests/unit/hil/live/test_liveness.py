@@ -1,6 +1,6 @@
 """The supervisor is gone when its process is, or when nothing comes from it any more."""
 
-from hil.live.liveness import SILENT_NS, Presence, footprint
+from hil.live.liveness import RECEIVED_WITHIN_NS, Presence, footprint
 
 
 class World:
@@ -11,33 +11,33 @@ class World:
         return Presence(clock=lambda: self.now_ns, parent=lambda: self.parent, **more)
 
 
-def test_a_supervisor_that_speaks_is_there():
+def test_a_supervisor_whose_orders_arrive_is_alive():
     world = World()
     presence = world.presence()
     for _ in range(10):
-        presence.heard()
-        world.now_ns += SILENT_NS
+        presence.received()
+        world.now_ns += RECEIVED_WITHIN_NS
         assert presence.gone() == ""
 
 
-def test_silence_says_for_how_long():
+def test_missing_orders_are_reported_with_their_duration():
     world = World()
     presence = world.presence()
-    presence.heard()
-    world.now_ns += SILENT_NS + 200_000_000
-    assert presence.gone() == "supervisor and hub are silent for 3.2 s"
-    presence.heard()
+    presence.received()
+    world.now_ns += RECEIVED_WITHIN_NS + 200_000_000
+    assert presence.gone() == "nothing received from supervisor and hub for 3.2 s"
+    presence.received()
     assert presence.gone() == ""
 
 
-def test_who_never_spoke_is_not_missed():
+def test_a_supervisor_before_its_first_order_is_not_missed():
     world = World()
     presence = world.presence()
-    world.now_ns += 100 * SILENT_NS
+    world.now_ns += 100 * RECEIVED_WITHIN_NS
     assert presence.gone() == ""
 
 
-def test_a_dead_parent_counts_unless_it_was_nobody():
+def test_a_dead_parent_counts_unless_the_service_is_remote():
     world = World()
     own, by_hand = world.presence(), world.presence(remote=True)
     world.parent = 1

@@ -12,14 +12,14 @@ def test_shares_are_of_the_time_between_two_looks():
     assert "guests" not in load_line({**table, "stolen": 0.004})
 
 
-def test_it_reads_what_the_kernel_says(tmp_path):
+def test_load_is_what_the_kernel_reports(tmp_path):
     stat = tmp_path / "stat"
     stat.write_text("cpu  10 1 5 100 20 0 2 7 3 0\ncpu0 1 1 1 1 1 1 1 1 1 1\n")
     assert load_now(stat)[1:] == (120, 7, 145)  # a guest's time is counted in the first column already
 
 
 @pytest.mark.parametrize("text", [None, "", "cpu  1 2", "cpu  a b c d e f g h"])
-def test_where_it_says_nothing_there_is_nothing(tmp_path, text):
+def test_load_is_zero_where_the_kernel_reports_nothing(tmp_path, text):
     stat = tmp_path / "stat"
     if text is not None:
         stat.write_text(text)

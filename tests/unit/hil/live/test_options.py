@@ -2,11 +2,11 @@
 
 import pytest
 
+from hil.assembly.node_table import SERVICES
 from hil.assembly.rig import load_rig
 from hil.bus.certificates import KeysError, make_keys
 from hil.bus.leaf import OBSERVERS
 from hil.live.options import check_endpoint, check_options
-from hil.live.spec import GROUPS
 from kernel.toml_errors import ConfigError
 
 SIM = load_rig("sim")
@@ -21,7 +21,7 @@ def refused(text, *, remote=(), endpoint=None, keys=None, viewed=False):
 def test_what_fits_together_passes(tmp_path):
     check_options(SIM, (), None, None)
     check_options(SIM, ("brain", "hub"), HERE, None)
-    make_keys(tmp_path / "keys", ["hub", *OBSERVERS, *GROUPS])
+    make_keys(tmp_path / "keys", ["hub", *OBSERVERS, *SERVICES])
     check_options(SIM, (), None, tmp_path / "keys")
     check_options(SIM, ("brain",), HERE.replace("tcp", "tls"), tmp_path / "keys")
 
@@ -48,7 +48,7 @@ def test_keys_and_tls_go_together(tmp_path):
 
 
 def test_only_the_keys_of_this_host_are_needed(tmp_path):
-    make_keys(tmp_path / "keys", ["hub", "supervisor", "recorder", *(name for name in GROUPS if name != "brain")])
+    make_keys(tmp_path / "keys", ["hub", "supervisor", "recorder", *(name for name in SERVICES if name != "brain")])
     endpoint = HERE.replace("tcp", "tls")
     check_options(SIM, ("brain",), endpoint, tmp_path / "keys")
     with pytest.raises(KeysError, match=r"brain\.crt cannot be read"):

@@ -1,4 +1,4 @@
-"""Asking to go first: where it is permitted it is so, where not nothing happens; never for somebody's shell."""
+"""Asking for priority: it is taken where it is permitted, and nothing happens elsewhere or to the user's shell."""
 
 import os
 import subprocess
@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from hil.live.priority import CONTROL, PRIORITIES
+from hil.live.priority import PRIORITIES
 
 # What belongs to no session but the machine's first one, as in a container, reads an empty file.
 ASK = """
@@ -23,9 +23,9 @@ print(os.getpriority(os.PRIO_PROCESS, 0), os.sched_getparam(0).sched_priority, b
 """
 
 
-def ask(service, *, own_session):
+def ask(priority, *, own_session):
     said = subprocess.run(
-        [sys.executable, "-c", ASK, service], capture_output=True, text=True, check=True, start_new_session=own_session
+        [sys.executable, "-c", ASK, priority], capture_output=True, text=True, check=True, start_new_session=own_session
     )
     return said.stdout.split()
 
@@ -34,10 +34,10 @@ def permitted(call):
     return subprocess.run([sys.executable, "-c", f"import os; {call}"], capture_output=True).returncode == 0
 
 
-@pytest.mark.parametrize("service", ["brain", "detector", "mocap", "camera", "recorder"])
-def test_a_service_takes_what_it_may(service):
-    nice, real_time, _, session = ask(service, own_session=True)
-    wanted = PRIORITIES.get(service, CONTROL)
+@pytest.mark.parametrize("priority", ["control", "detection", "off_path", "rendering", "recording"])
+def test_a_priority_takes_the_priority_that_it_is_permitted(priority):
+    nice, real_time, _, session = ask(priority, own_session=True)
+    wanted = PRIORITIES[priority]
     before = os.getpriority(os.PRIO_PROCESS, 0)
     assert int(nice) == (wanted.nice if permitted("os.setpriority(os.PRIO_PROCESS, 0, -1)") else before)
     may = permitted("os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))") and os.cpu_count() > 1
@@ -46,18 +46,18 @@ def test_a_service_takes_what_it_may(service):
 
 
 def test_the_session_of_a_shell_is_left_alone():
-    _, _, before, after = ask("brain", own_session=False)
+    _, _, before, after = ask("control", own_session=False)
     assert after == before
 
 
-AT_WORK = """
+DURING_STEP = """
 import os
-from hil.live.priority import AtWork, take_priority
-take_priority("camera")
-at_work = AtWork("camera")
+from hil.live.priority import StepPriority, take_priority
+take_priority("rendering")
+during_step = StepPriority("rendering")
 priorities = []
 for _ in range(2):
-    with at_work:
+    with during_step:
         priorities.append(os.sched_getparam(0).sched_priority)
     priorities.append(os.sched_getparam(0).sched_priority)
 print(*priorities)
@@ -65,14 +65,14 @@ print(*priorities)
 
 
 def test_a_picture_is_drawn_after_others_but_delivered_before_them():
-    said = subprocess.run([sys.executable, "-c", AT_WORK], capture_output=True, text=True, check=True)
-    wanted = PRIORITIES["camera"]
+    said = subprocess.run([sys.executable, "-c", DURING_STEP], capture_output=True, text=True, check=True)
+    wanted = PRIORITIES["rendering"]
     may = permitted("os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))") and os.cpu_count() > 1
-    assert said.stdout.split() == [str(n) for n in (wanted.at_work, wanted.real_time) * 2] if may else ["0"] * 4
+    assert said.stdout.split() == [str(n) for n in (wanted.during_step, wanted.real_time) * 2] if may else ["0"] * 4
 
 
-def test_what_somebody_waits_for_goes_first():
-    order = [CONTROL, *(PRIORITIES[name] for name in ("detector", "car", "camera", "recorder"))]
+def test_control_goes_before_all_others_and_the_recorder_last():
+    order = [PRIORITIES[name] for name in ("control", "detection", "off_path", "rendering", "recording")]
     assert [one.nice for one in order] == sorted({one.nice for one in order})
-    at_work = [one.at_work or one.real_time for one in order]
-    assert at_work == sorted(set(at_work), reverse=True)
+    during_step = [one.during_step or one.real_time for one in order]
+    assert during_step == sorted(set(during_step), reverse=True)

@@ -61,7 +61,7 @@ def table(watch):
     return RunTime(watch, clock=lambda: 0).table()
 
 
-def test_the_offset_is_told_from_the_hubs_side():
+def test_the_offset_is_reported_from_the_hubs_side():
     (line,) = clock_lines("brain", table(Watch(-1234 * SECOND)))
     assert line.startswith("brain: on another host; its clock is +1234.000000 s from the hub's, known to 0.200 ms")
     assert clock_lines("brain", table(Watch(0, shared=True))) == []

@@ -3,17 +3,17 @@
 import pytest
 
 from hil.bus.leaf import Bus, open_hub
-from hil.live.run_events import Ear
+from hil.live.run_events import RunEvents
 from tests.unit.hil.bus.test_leaf import free_endpoint
 
 DIRECTOR, GATE = "director: not hovering after 90 s", "gate: gate tripped: age"
 
 
 @pytest.fixture
-def ear():
+def events():
     endpoint = free_endpoint()
     with open_hub(endpoint), Bus(endpoint) as bus:
-        one = Ear(bus, lambda now_ns, stage: None)
+        one = RunEvents(bus, lambda now_ns, stage: None)
         yield one
         one.close()
 
@@ -28,6 +28,6 @@ def ear():
         ([DIRECTOR, GATE, GATE, GATE], "attempt", True, f"{GATE}; {GATE}; {GATE}"),
     ],
 )
-def test_the_failure_of_a_run(ear, errors, stage, troubled, failure):
-    ear.errors, ear.stage = errors, stage
-    assert ear.failure(troubled) == failure
+def test_the_failure_of_a_run(events, errors, stage, troubled, failure):
+    events.errors, events.stage = errors, stage
+    assert events.failure(troubled) == failure

@@ -1,13 +1,13 @@
 """The order in which one process of a live run steps its nodes and publishes what they said."""
 
 from hil.contract import messages as m
-from hil.contract.node import Out
-from hil.live.schedule import Seats
+from hil.contract.node import Node, Out
+from hil.live.schedule import Schedule
 
 MS = 1_000_000
 
 
-class Slow:
+class Slow(Node):
     """A camera of a 10 ms period whose pictures are due 9 ms after their step, which itself takes 4 ms."""
 
     name, inputs, outputs, wakes, period_ns = "camera", (), ("event",), (), 10 * MS
@@ -20,13 +20,10 @@ class Slow:
         self._done.append(("drawn", now_ns))
         return [Out("event", m.Event(now_ns, "info", "camera", "picture"), 9 * MS)]
 
-    def close(self):
-        pass
-
 
 def test_a_picture_that_is_due_is_published_before_the_next_one_is_drawn():
     clock, done = [0], []
-    seats = Seats(
+    seats = Schedule(
         [Slow(clock, done)], lambda _, message: done.append(("published", message.stamp_ns)) or 0, lambda: clock[0]
     )
     seats.begin()
@@ -39,9 +36,9 @@ def test_a_picture_that_is_due_is_published_before_the_next_one_is_drawn():
     assert done[-1] == ("published", 10 * MS)
 
 
-def test_who_cannot_keep_his_period_is_stepped_once_and_missed_deadlines_are_counted():
+def test_a_node_that_cannot_keep_its_period_is_stepped_once_and_missed_deadlines_are_counted():
     clock, done = [0], []
-    seats = Seats([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
+    seats = Schedule([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
     seats.begin()
     clock[0] = 47 * MS
     seats.catch_up()
@@ -50,9 +47,9 @@ def test_who_cannot_keep_his_period_is_stepped_once_and_missed_deadlines_are_cou
     assert (pace.steps, pace.late, pace.missed) == (1, 1, 4)
 
 
-def test_deadlines_begin_where_they_are_told_to():
+def test_deadlines_begin_at_the_given_phase():
     clock, done = [0], []
-    seats = Seats([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
+    seats = Schedule([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
     seats.begin(3 * MS)
     seats.catch_up()
     assert done == []

@@ -1,6 +1,7 @@
 """One process of a live run: what wakes a node, what it tells, how it ends."""
 
 import contextlib
+import errno
 import os
 import socket
 import threading
@@ -8,24 +9,26 @@ import time
 
 import pytest
 
-from hil.bus.leaf import CONTROL, HEALTH, Bus, open_hub
+from hil.bus.leaf import CONTROL, HEALTH, Bus, Mailbox, open_hub
 from hil.contract import messages as m
-from hil.contract.node import Out
+from hil.contract.node import Node, Out
 from hil.live.liveness import Presence
 from hil.live.run_clock import RunTime
 from hil.live.service import LiveService
+from hil.recording.recorder import RecordingError
 from tests.unit.hil.bus.test_leaf import free_endpoint
 
 LIMIT_S = 10.0
 
 
-class Fake:
+class Fake(Node):
     """A node that notes when and why it was stepped."""
 
-    name, inputs, outputs, wakes, period_ns = "policy", ("belief", "run/stage"), ("policy/action",), ("belief",), 0
+    name, inputs, outputs, wakes = "policy", ("belief", "run/stage"), ("policy/action",), ("belief",)
 
     def __init__(self, period_ns=0, wire=None):
-        self.period_ns, self.steps, self.aborts, self.safe, self._wire = period_ns, [], [], True, wire
+        self.period_ns, self.steps, self.aborts, self._wire = period_ns, [], [], wire
+        self.at_rest = True
 
     def step(self, now_ns, inbox):
         self.steps.append((now_ns, len(inbox.new("belief")), len(inbox.new("run/stage"))))
@@ -34,11 +37,12 @@ class Fake:
                 self._wire.recv(100)
         return [Out("policy/action", m.Action(now_ns, False, (0.0, 0.0, 0.0), 9.81, "hold", 0, 9.81))]
 
+    @property
+    def safe(self):
+        return self.at_rest
+
     def abort(self, why):
         self.aborts.append(why)
-
-    def close(self):
-        pass
 
 
 class Service:
@@ -46,7 +50,7 @@ class Service:
 
     def __init__(self, node, endpoint, **more):
         self.bus, self.supervisor, self.health = Bus(endpoint), Bus(endpoint), []
-        self.supervisor.hear(HEALTH + "brain", self.health.append)
+        self.supervisor.on_table(HEALTH + "brain", self.health.append)
         self.live = LiveService("brain", [node], self.bus, RunTime(self.bus.clock()), **more)
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.thread.start()
@@ -58,7 +62,7 @@ class Service:
         self.live.close()
 
     def order(self, **table):
-        self.supervisor.say(CONTROL, table)
+        self.supervisor.send_table(CONTROL, table)
 
     def go(self):
         self.order(order="go", epoch_ns=time.monotonic_ns())
@@ -124,6 +128,15 @@ def test_what_comes_on_a_wire_wakes_its_driver_whatever_its_period(start, monkey
     there.close()
 
 
+def test_a_message_between_go_and_start_steps_no_node(start):
+    node = Fake()
+    service = start(node)
+    service.order(order="go", epoch_ns=time.monotonic_ns() + 1_000_000_000)
+    belief = m.Belief(1, True, (0.0, 0.0, 1.5), 0.0, 1.0, 0.0, 0.5, 1.0, 1, 1, 0, (1.0,), 0.0, 1, 0.01)
+    until(lambda: node.steps, lambda: service.supervisor.publish(-1, "belief", belief))
+    assert all(now_ns >= 0 for now_ns, _, _ in node.steps)
+
+
 def test_without_a_wire_a_node_that_goes_by_time_is_stepped_at_its_deadlines(start):
     node = Fake(period_ns=20_000_000)
     node.wakes = ()
@@ -142,7 +155,7 @@ class Slow(Fake):
         return super().step(now_ns, inbox)
 
 
-def test_who_cannot_keep_his_period_still_hears_and_answers(start):
+def test_a_node_that_cannot_keep_its_period_still_receives_and_publishes(start):
     node = Slow(period_ns=1_000_000)
     service = start(node)
     service.go()
@@ -151,6 +164,32 @@ def test_who_cannot_keep_his_period_still_hears_and_answers(start):
     service.health.clear()
     until(lambda: len(service.health) >= 2)
     assert service.health[-1]["nodes"]["policy"]["missed"] > 0
+
+
+class FullDisk:
+    """A receipt book on a disk that is full from the first step on."""
+
+    def add(self, node, now_ns, consumed):
+        raise RecordingError("writing receipts to receipts.mcap failed: No space left on device")
+
+    def close(self):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_service_steps_on_and_makes_safe_when_receipts_cannot_be_written(start):
+    node, events = Fake(period_ns=20_000_000), Mailbox()
+    service = start(node, book=FullDisk())
+    service.supervisor.subscribe("supervisor", ["event"], events)
+    service.go()
+    until(lambda: len(node.steps) > 10)
+    texts = []
+    until(lambda: texts, lambda: texts.extend(one.message.text for one in events.drain()))
+    assert texts == ["this run cannot be replayed: writing receipts to receipts.mcap failed: No space left on device"]
+    service.order(order="abort", why="mocap was killed")
+    until(lambda: node.aborts)
+    service.end()  # closing the book fails too, and the thread still ends
+    service.end = lambda: None
+    events.close()
 
 
 def test_an_abort_reaches_every_node_once(start, capfd):
@@ -167,7 +206,7 @@ def test_an_abort_reaches_every_node_once(start, capfd):
     assert "brain: safe at the end" in capfd.readouterr().out
 
 
-def test_who_hears_nothing_any_more_makes_safe_and_ends_by_himself(start, capfd):
+def test_a_service_without_orders_makes_safe_and_ends_by_itself(start, capfd):
     now = [time.monotonic_ns()]
     presence = Presence(clock=lambda: now[0], parent=os.getppid)
     node = Fake()
@@ -178,19 +217,19 @@ def test_who_hears_nothing_any_more_makes_safe_and_ends_by_himself(start, capfd)
     assert not service.thread.is_alive()
     assert service.live.lost
     assert len(node.aborts) == 1
-    assert "silent for 10.0 s" in node.aborts[0]
+    assert "nothing received from supervisor and hub for 10.0 s" in node.aborts[0]
 
 
-def test_who_is_not_safe_stays_a_while(start):
+def test_a_service_that_is_not_safe_stays_for_a_while(start):
     now = [time.monotonic_ns()]
     node = Fake()
-    node.safe = False
+    node.at_rest = False
     service = start(node, presence=Presence(clock=lambda: now[0], parent=os.getppid))
     service.go()
     now[0] += 10_000_000_000
     until(lambda: node.aborts)
     service.thread.join(2.0)
     assert service.thread.is_alive()
-    node.safe = True
+    node.at_rest = True
     service.thread.join(LIMIT_S)
     assert not service.thread.is_alive()

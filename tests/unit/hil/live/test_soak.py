@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from hil.live.soak import SAMPLE_S, Diary, Sample, judge, judge_shared, stretched
+from hil.live.soak import SAMPLE_S, Sample, Samples, judge, judge_shared, stretched
 from kernel.toml_errors import ConfigError
 from scenarios.spec import list_scenarios, load
 
@@ -26,7 +26,7 @@ def test_a_steady_service_passes():
     assert verdict.early == pytest.approx(0.05, abs=0.005)
 
 
-def test_a_leak_is_told_with_its_size():
+def test_a_leak_is_reported_with_its_size():
     (fault,) = judge("brain", samples(own_kb=lambda t: 200_000 + 200 * t)).faults
     assert fault.startswith("memory grew by 1")
 
@@ -35,7 +35,7 @@ def test_what_fills_up_at_the_start_is_no_leak():
     assert judge("brain", samples(own_kb=lambda t: 200_000 + 3000 * min(t, 18.0))).faults == ()
 
 
-def test_growing_lateness_is_told():
+def test_growing_lateness_is_reported():
     (fault,) = judge("brain", samples(late=lambda t: 0.002 * t)).faults
     assert fault.startswith("late steps grew from")
 
@@ -54,21 +54,21 @@ def test_files_in_shared_memory_must_not_grow():
 
 
 def test_the_diary_looks_now_and_then_and_counts_missed_steps_as_late():
-    diary = Diary()
+    samples = Samples()
     table = {
         "own_kb": 5,
         "memory": ["1.zenoh", "2.zenoh"],
         "nodes": {"a": {"steps": 10, "late": 1, "missed": 2}, "b": {"steps": 5, "late": 0, "missed": 0}},
     }
-    diary.look({"brain": table}, 0.0)
-    assert diary.samples == {}  # the lead has not begun
-    diary.stage(0, "prepare")
-    diary.look({"brain": table}, 0.0)
-    assert diary.samples == {}
-    diary.stage(1, "lead")
+    samples.look({"brain": table}, 0.0)
+    assert samples.samples == {}  # the lead has not begun
+    samples.stage(0, "prepare")
+    samples.look({"brain": table}, 0.0)
+    assert samples.samples == {}
+    samples.stage(1, "lead")
     for tenth in range(0, 41):
-        diary.look({"brain": table, "hub": {}}, tenth / 10)
-    assert diary.samples == {"brain": [Sample(at, 5.0, 17, 3) for at in (0.0, 2.0, 4.0)]}
+        samples.look({"brain": table, "hub": {}}, tenth / 10)
+    assert samples.samples == {"brain": [Sample(at, 5.0, 17, 3) for at in (0.0, 2.0, 4.0)]}
 
 
 @pytest.mark.parametrize("name", list_scenarios())

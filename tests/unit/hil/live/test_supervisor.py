@@ -25,20 +25,20 @@ def wait_for(condition, limit_s=10.0):
         time.sleep(0.02)
 
 
-def test_an_exit_is_told_with_the_last_words(tmp_path):
+def test_an_exit_is_reported_with_the_last_line_of_the_log(tmp_path):
     one = process(tmp_path, "import sys; print('perch-hil: no camera'); sys.exit(3)")
     wait_for(lambda: one.ended() is not None)
     assert one.why() == "brain ended with exit code 3: no camera"
 
 
-def test_a_kill_is_told_by_its_signal(tmp_path):
+def test_a_kill_is_reported_with_its_signal(tmp_path):
     one = process(tmp_path, "import time; time.sleep(60)")
     os.kill(one.pid, signal.SIGKILL)
     wait_for(lambda: one.ended() is not None)
     assert one.why() == "brain was killed by SIGKILL"
 
 
-def test_who_does_not_listen_is_killed(tmp_path):
+def test_a_process_that_ignores_sigterm_is_killed(tmp_path):
     ready = tmp_path / "ready"
     code = f"import signal, time, pathlib; signal.signal(15, signal.SIG_IGN); pathlib.Path({str(ready)!r}).touch()\n"
     one = process(tmp_path, code + "while True: time.sleep(1)")
@@ -53,7 +53,7 @@ def test_a_stopped_process_is_killed_too(tmp_path):
     assert one.end(0.1) == "brain had to be stopped with SIGKILL"
 
 
-def test_whoever_waits_for_an_end_is_still_present(tmp_path):
+def test_the_supervisor_keeps_publishing_while_it_waits_for_an_end(tmp_path):
     beats = []
     one = process(tmp_path, "import time; time.sleep(60)")
     assert one.end(0.5, lambda: beats.append(1)) == "brain had to be stopped with SIGTERM"
@@ -70,7 +70,7 @@ def test_a_stopped_process_is_known_as_stopped(tmp_path):
 
 def half_gone(tmp_path):
     """A process whose main thread has left by itself, with status 7 (x86-64's and arm64's exit), another lives on."""
-    code = "import ctypes, board, threading, time\nthreading.Thread(target=time.sleep, args=(60,)).start()\n"
+    code = "import ctypes, platform, threading, time\nthreading.Thread(target=time.sleep, args=(60,)).start()\n"
     one = process(tmp_path, code + "ctypes.CDLL(None).syscall(60 if platform.machine() == 'x86_64' else 93, 7)")
     wait_for(lambda: one.leaving() is not None)
     return one
@@ -93,31 +93,31 @@ class Run:
         self.now_ns = time.monotonic_ns()
         for service, age_s in ages_s.items():
             outputs = {"brain": ["belief"], "mocap": ["mocap/board"]}.get(service, [])
-            self.supervisor.health[service] = {"heard_ns": self.now_ns - int(age_s * 1e9), "outputs": outputs}
+            self.supervisor.health[service] = {"received_ns": self.now_ns - int(age_s * 1e9), "outputs": outputs}
 
     def topic(self, topic, age_s):
-        self.supervisor._heard[topic] = self.now_ns - int(age_s * 1e9)
+        self.supervisor._received[topic] = self.now_ns - int(age_s * 1e9)
 
     def trouble(self):
         return self.supervisor.trouble()
 
 
-def test_all_is_well_while_everybody_speaks(tmp_path):
+def test_no_fault_while_all_services_publish(tmp_path):
     run = Run(tmp_path, brain=0.4, mocap=0.3)
     run.topic("belief", 0.5)
     assert run.trouble() == ""
 
 
-def test_a_topic_that_falls_silent_is_told_with_its_producer(tmp_path):
+def test_a_topic_that_is_not_published_is_reported_with_its_publisher(tmp_path):
     run = Run(tmp_path, brain=0.2, mocap=0.3)
     run.topic("mocap/board", 1.2)
-    assert run.trouble().startswith("mocap is silent on mocap/board for 1.2")
+    assert run.trouble().startswith("mocap has not published mocap/board for 1.2")
 
 
-def test_who_is_silent_altogether_is_blamed_before_those_who_wait_for_him(tmp_path):
+def test_a_service_without_health_is_blamed_before_the_services_that_wait_for_it(tmp_path):
     run = Run(tmp_path, brain=0.2, camera=1.3, mocap=0.3)
     run.topic("belief", 1.1)
-    assert run.trouble().startswith("camera does not answer: silent for 1.3")
+    assert run.trouble().startswith("camera does not answer: no health for 1.3")
 
 
 def test_a_service_without_topics_is_missed_by_its_health(tmp_path):
@@ -129,17 +129,17 @@ def test_the_recorder_may_be_busy_for_longer_and_is_not_blamed_for_others(tmp_pa
     run = Run(tmp_path, brain=0.2, recorder=1.8, mocap=0.3)
     assert run.trouble() == ""
     run.topic("mocap/board", 1.2)
-    assert run.trouble().startswith("mocap is silent")
+    assert run.trouble().startswith("mocap has not published")
     assert Run(tmp_path, brain=0.2, mocap=0.2, recorder=2.1).trouble().startswith("recorder does not answer")
 
 
-def test_if_nobody_is_heard_it_is_the_hub(tmp_path):
+def test_the_hub_is_blamed_if_no_service_is_received(tmp_path):
     run = Run(tmp_path, brain=1.2, mocap=1.4)
     run.topic("belief", 1.1)
-    assert run.trouble().startswith("hub does not answer: nothing has come from anybody for 1.2")
+    assert run.trouble().startswith("hub does not answer: no service was received for 1.2")
 
 
-def test_who_is_silent_because_he_is_leaving_is_told_as_gone(tmp_path):
+def test_a_service_that_does_not_publish_because_it_ends_is_reported_as_ended(tmp_path):
     run = Run(tmp_path, brain=1.2, mocap=0.3)
     run.topic("belief", 1.1)
     run.supervisor._processes["brain"] = one = process(tmp_path, "import time; time.sleep(60)")
@@ -177,8 +177,9 @@ def test_a_hub_that_cannot_start_is_named(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no /dev/shm")
-def test_only_memory_that_nobody_holds_is_removed():
+def test_only_memory_of_the_bus_that_no_process_holds_is_removed(tmp_path):
     orphan, held = Path(f"/dev/shm/{os.getpid()}1.zenoh"), Path(f"/dev/shm/{os.getpid()}2.zenoh")
+    outside = tmp_path / "outside.zenoh"
     holder = None
     try:
         for path in (orphan, held):
@@ -192,8 +193,11 @@ def test_only_memory_that_nobody_holds_is_removed():
         assert holder.stdout is not None
         holder.stdout.readline()
         assert mapped_memory(holder.pid) == {held.name}
-        assert remove_orphaned_memory([orphan.name, held.name, "gone.zenoh"]) == [orphan.name]
+        outside.write_bytes(b"not of the bus")
+        paths = [f"../..{outside}", str(outside), "../shm/" + held.name]
+        assert remove_orphaned_memory([*paths, orphan.name, held.name, "gone.zenoh"]) == [orphan.name]
         assert held.exists()
+        assert outside.exists(), "a path in a health leads nowhere"
         assert not orphan.exists()
     finally:
         if holder is not None:

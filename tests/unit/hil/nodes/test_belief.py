@@ -29,7 +29,7 @@ def step(node, now_ns, *detections, tick=True):
     return [out.message for out in node.step(now_ns, filled(node, *messages))]
 
 
-def test_it_speaks_at_each_odometry_and_as_soon_as_something_was_seen():
+def test_a_belief_is_published_at_each_odometry_and_each_detection():
     node = BeliefNode(BoardFilter())
     assert set(node.wakes) == set(node.inputs)
     assert step(node, 0, detection(0), tick=False) == []  # nobody flies yet
@@ -46,7 +46,7 @@ def test_it_speaks_at_each_odometry_and_as_soon_as_something_was_seen():
     assert node.step(41 * MS, inbox) == []
 
 
-def test_it_says_where_the_board_is_now_not_where_it_was_seen():
+def test_the_belief_is_predicted_to_now():
     node, late = BeliefNode(BoardFilter()), 60 * MS
     for frame in range(60):
         exposure = frame * 33 * MS
@@ -59,7 +59,7 @@ def test_it_says_where_the_board_is_now_not_where_it_was_seen():
     assert (belief.speed, belief.heading, belief.inclination) == pytest.approx((SPEED, HEADING, TILT), abs=0.05)
 
 
-def test_a_picture_without_the_board_teaches_nothing():
+def test_a_picture_without_the_board_changes_no_belief():
     node = BeliefNode(BoardFilter())
     step(node, 0, detection(0))
     (belief,) = step(node, 10 * MS, detection(5 * MS, found=False))

@@ -41,11 +41,11 @@ def test_a_picture_is_stamped_with_the_middle_of_its_exposure():
     assert (out.topic, image.stamp_ns, image.width, image.height) == ("camera/image", NOW - 20 * MS, 4, 3)
     assert (image.exposure_ns, image.sequence, image.data) == (2 * MS, 7, bytes(range(12)))
     assert step(node, "attempt") == []
-    assert node.dropped == 3
+    assert node.counters["pictures replaced before they were read"] == 3
 
 
 @pytest.mark.parametrize("stage", ["prepare", "ended"])
-def test_nobody_looks_before_the_lead_or_after_the_end(stage):
+def test_no_picture_is_published_before_the_lead_or_after_the_end(stage):
     camera = FakeCamera()
     camera.pictures = [picture()]
     assert step(CameraDevice(camera, MS), stage) == []
@@ -53,20 +53,20 @@ def test_nobody_looks_before_the_lead_or_after_the_end(stage):
 
 
 @pytest.mark.parametrize("stage", ["prepare", "lead", "attempt"])
-def test_a_lost_device_is_told_and_counted_and_then_ends_the_service(stage):
+def test_a_lost_camera_is_reported_and_counted_and_then_ends_the_service(stage):
     camera = FakeCamera()
     node = CameraDevice(camera, MS)
     camera.lost = "camera /dev/video0 is gone"
     (out,) = step(node, stage)
     assert (out.topic, out.message.severity, out.message.text) == ("event", "error", camera.lost)
-    assert node.losses == 1
+    assert node.counters["cameras lost"] == 1
     with pytest.raises(WireError, match="/dev/video0 is gone"):
         step(node, stage)
     node.close()
     assert camera.closed
 
 
-def test_the_end_of_a_recording_is_told_once_and_the_run_goes_on():
+def test_the_end_of_a_recording_is_reported_once_and_the_run_goes_on():
     camera = FakeCamera()
     node = CameraDevice(camera, MS, real=False)
     camera.lost = "no more pictures"

@@ -8,7 +8,8 @@ from hil.nodes.camera_model import CameraModel
 from kernel.random import stream
 from kernel.rotations import from_euler
 from tests.unit.hil.contract.node_fakes import filled
-from vehicle.camera.noise import BIAS_DIM, NOISE_DIM, paper_noise
+from vehicle.camera import bias_row, noise_row
+from vehicle.camera.noise import paper_noise
 from vehicle.camera.pinhole import Camera
 
 MS = 1_000_000
@@ -17,7 +18,7 @@ TILT = math.radians(70.0)
 
 
 def camera(noise=None, seed=1):
-    bias = np.zeros(BIAS_DIM)
+    bias = np.zeros(bias_row.DIM)
     bias[3] = 1.0
     row = paper_noise() if noise is None else noise
     return CameraModel(Camera().row(), row, bias, stream(seed), 30.0, TRANSPORT, PROCESSING)
@@ -37,7 +38,7 @@ def look(node, now_ns, seen_from, at, stage="attempt"):
     return node.step(now_ns, filled(node, *messages))
 
 
-def test_nobody_looks_before_the_car_drives():
+def test_nothing_is_published_before_the_car_drives():
     node = camera()
     assert look(node, 0, vehicle(), board(), "prepare") == []
     assert node.step(0, filled(node)) == []
@@ -58,7 +59,7 @@ def test_the_board_in_view_is_found_and_delivered_after_transport_and_detection(
 
 def test_without_noise_it_sees_the_truth_of_the_exposure():
     """Truth is a few milliseconds old when the shutter opens: both bodies are moved on to the exposure."""
-    node = camera(noise=np.zeros(NOISE_DIM))
+    node = camera(noise=np.zeros(noise_row.DIM))
     (out,) = look(node, 4 * MS, vehicle(speed=2.0), board(speed=1.0))
     assert out.message.position == pytest.approx((0.004, 0.0, 1.5), abs=1e-9)
 

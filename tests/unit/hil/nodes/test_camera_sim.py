@@ -26,7 +26,7 @@ def look(now_ns, truth_ns, stage="attempt", **settings):
     return node.step(now_ns, filled(node, *messages))
 
 
-def test_nobody_looks_before_the_car_drives():
+def test_nothing_is_published_before_the_car_drives():
     assert look(0, 0, "prepare") == []
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from groundcar.motion import board_motion as m
+from groundcar.motion import board_row
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import Command, ScoutLink
 from groundcar.scout.follower import CarRef
@@ -12,7 +12,8 @@ from groundcar.scout.sim import ScoutSim
 from hil.contract.messages import BoardState, CarCommand, Stage
 from hil.contract.wire import CanFrame, memory_pair
 from hil.nodes.car import CONTROL_PERIOD_NS, CarFollower, CarLink
-from hil.safety.gate import CarGate, CarGateLimits
+from hil.safety.car_gate import CarGate
+from hil.safety.limits import CarGateLimits
 from tests.unit.hil.contract.node_fakes import filled
 
 MS = 1_000_000
@@ -55,7 +56,7 @@ def drive(speed, turn_rate=0.0):
     return lambda now: CarCommand(now, speed, turn_rate)
 
 
-def test_what_was_really_sent_is_told():
+def test_what_was_really_sent_is_published():
     car = Car(speed=1.0).run(1.0, drive(0.0)).run(2.0, drive(2.0, 0.3))
     assert {(c.speed, c.turn_rate) for c in car.sent[-50:]} == {(1.0, 0.3)}
     assert car.feedback[-1].speed == pytest.approx(1.0, abs=0.15)
@@ -64,25 +65,25 @@ def test_what_was_really_sent_is_told():
     assert car.sent == [], "no command, nothing sent"
 
 
-def test_a_trip_silences_the_bus_for_good_so_that_the_car_stops_itself():
+def test_nothing_is_sent_after_a_trip_so_that_the_car_stops_itself():
     car = Car().run(1.0, drive(0.0)).run(1.5, drive(1.5))
     assert car.feedback[-1].speed > 1.0
     car.run(0.02, drive(math.nan))
     car.sent.clear()
-    before = car.sim.board_row(0.0, 0.0)[m.X]
+    before = car.sim.board_row(0.0, 0.0)[board_row.X]
     car.run(2.0, drive(1.5))
     assert car.sent == []
     assert car.feedback[-1].speed == pytest.approx(0.0, abs=0.03), "the Scout's own 500 ms watchdog"
-    assert car.sim.board_row(0.0, 0.0)[m.X] > before
+    assert car.sim.board_row(0.0, 0.0)[board_row.X] > before
     assert [text for text in car.texts if "tripped" in text] == ["gate tripped: command is not finite"]
     assert next(e for e in car.events if "tripped" in e.text).severity == "error"
 
 
-def test_a_car_that_falls_silent_is_sent_nothing_more_when_it_is_back():
+def test_a_car_without_feedback_is_sent_nothing_more_when_it_is_back():
     car = Car().run(1.0, drive(0.0)).run(1.0, drive(0.5))
     car.alive = False
     car.run(0.8, drive(0.5))
-    assert "gate tripped: the car has said nothing for 500 ms" in car.texts
+    assert "gate tripped: no feedback of the car for 500 ms" in car.texts
     assert any("silent" in text for text in car.texts)
     car.alive = True
     car.sent.clear()
@@ -95,7 +96,7 @@ def test_garbage_on_the_bus_is_counted_and_does_no_harm():
     for frame in ((0x7AB, b"\x01"), (0x221, b"short"), (0x211, b""), (0x3FF, bytes(8))):
         car.theirs.send(CanFrame(*frame))
     car.run(1.0, drive(0.5))
-    assert car.node.rejected == 4
+    assert car.node.counters["frames rejected on the car's wire"] == 4
     assert car.feedback[-1].rejected_frames == 4
     assert car.feedback[-1].speed == pytest.approx(0.5, abs=0.1)
 
@@ -136,8 +137,10 @@ def test_simulated_sensors_see_a_real_car_where_its_wheels_say_it_is():
     board = boards[-1]
     driven = math.dist((1.0, 2.0), board.position[:2])
     assert driven > 2.0
-    assert math.dist(board.position, (row[m.X], row[m.Y], 1.5)) < 0.15 * driven, "but for what the wheels skid"
-    assert board.heading == pytest.approx(row[m.HEADING], abs=0.25)
+    assert math.dist(board.position, (row[board_row.X], row[board_row.Y], 1.5)) < 0.15 * driven, (
+        "but for what the wheels skid"
+    )
+    assert board.heading == pytest.approx(row[board_row.HEADING], abs=0.25)
     assert board.speed == pytest.approx(1.0, abs=0.1)
     vx, vy, _ = board.velocity
     assert (math.hypot(vx, vy), math.atan2(vy, vx)) == pytest.approx((board.speed, board.heading))

@@ -53,7 +53,7 @@ def test_a_run_goes_through_its_stages_at_the_right_times():
     assert {event.severity for event in run.events} == {"info"}
 
 
-def test_a_stage_is_told_at_once_and_then_again_twenty_times_a_second():
+def test_a_stage_is_published_at_once_and_then_again_twenty_times_a_second():
     director = Director(LEAD, LIMIT, AFTER)
     inbox = filled(director)
     told = []
@@ -73,7 +73,7 @@ def test_a_failed_attempt_ends_the_run_as_a_success_does():
     assert run.director.failure == "", "a miss is a result, not a failure to run"
 
 
-def test_a_verdict_before_the_attempt_is_not_heard():
+def test_a_verdict_before_the_attempt_is_ignored():
     run = Run()
     run.at(0, vehicle_status=status("hover"), referee_contact=verdict("ongoing"))
     assert [run.at(t).name for t in (100, 1_000, 1_990)] == ["lead"] * 3
@@ -86,7 +86,7 @@ def test_a_verdict_before_the_attempt_is_not_heard():
         (status("interrupted"), "the vehicle did not reach its start (interrupted)"),
         (status("killed"), "the vehicle did not reach its start (killed)"),
         (status("takeoff"), "not hovering at its start after 60 s (phase takeoff)"),
-        (None, "not hovering at its start after 60 s (phase silent)"),
+        (None, "not hovering at its start after 60 s (phase unknown)"),
     ],
 )
 def test_without_a_hover_there_is_no_attempt(heard, words):

@@ -43,7 +43,7 @@ def test_a_picture_is_acted_on_between_ticks():
     assert [now for now, _, _ in policy.seen] == [500, 506]
 
 
-def test_before_the_attempt_the_policy_does_not_exist():
+def test_before_the_attempt_the_policy_is_not_stepped():
     policy = FakePolicy()
     node = PolicyNode(policy)
     for stage in ("prepare", "lead", "ended"):

@@ -7,9 +7,11 @@ from hil.nodes.referee import Referee
 from kernel.rotations import from_euler
 from policies.task.contact import ContactRules
 from tests.unit.hil.contract.node_fakes import filled
+from vehicle.quadrotor.airframe import load_airframe
 
 START = 10_000_000_000
 RULES = ContactRules()
+DISC = load_airframe("paper_quad").contact
 TILT = math.radians(60.0)
 
 
@@ -25,7 +27,7 @@ def vehicle(gap=0.3, closing=0.5, along=0.0, tilt=TILT, offset=0.0, board_speed=
     """Above the board of inclination TILT: its pads `gap` from the surface, closing along the normal (m, m/s)."""
     normal = (-math.sin(TILT), 0.0, math.cos(TILT))
     slope = (math.cos(TILT), 0.0, math.sin(TILT))
-    height = RULES.robot_l + gap
+    height = DISC.magnet_below + gap
     position = tuple(c + height * n + offset * s for c, n, s in zip((0.0, 0.0, 1.5), normal, slope, strict=True))
     velocity = [along * s - closing * n for n, s in zip(normal, slope, strict=True)]
     velocity[0] += board_speed
@@ -39,15 +41,15 @@ def judge(referee, now_ns, vehicle_state, name="attempt", board_state=None):
     return [out.message for out in referee.step(now_ns, inbox)]
 
 
-def test_it_says_nothing_outside_the_attempt():
-    referee = Referee(RULES, TILT)
+def test_nothing_is_published_outside_the_attempt():
+    referee = Referee(RULES, DISC, TILT)
     for name in ("prepare", "lead", "ended"):
         assert judge(referee, START, vehicle(gap=-0.01), name) == []
     assert referee.step(START, filled(referee, ("run/stage", stage()))) == [], "nor before it has seen anything"
 
 
 def test_a_clean_perch():
-    referee = Referee(RULES, TILT)
+    referee = Referee(RULES, DISC, TILT)
     (seen,) = judge(referee, START, vehicle(gap=0.3))
     assert (seen.outcome, seen.attached) == ("ongoing", False)
     contact, event = judge(referee, START + 10_000_000, vehicle(gap=-0.001, along=0.2, offset=0.05))
@@ -61,7 +63,7 @@ def test_a_clean_perch():
 
 
 def test_speeds_are_relative_to_a_moving_board():
-    referee = Referee(RULES, TILT)
+    referee = Referee(RULES, DISC, TILT)
     contact, _ = judge(referee, START, vehicle(gap=-0.001, board_speed=2.0), board_state=board(speed=2.0))
     assert contact.within_tolerance
     assert (contact.normal_speed, contact.tangential_speed) == pytest.approx((-0.5, 0.0), abs=1e-6)
@@ -76,7 +78,7 @@ def test_speeds_are_relative_to_a_moving_board():
     ],
 )
 def test_a_broken_tolerance_is_named_and_the_magnet_judged_apart(state, reason, attached):
-    contact, event = judge(Referee(RULES, TILT), START, state)
+    contact, event = judge(Referee(RULES, DISC, TILT), START, state)
     assert (contact.outcome, contact.reason, contact.within_tolerance) == ("fail", reason, False)
     assert contact.attached == attached
     assert reason in event.text
@@ -84,15 +86,15 @@ def test_a_broken_tolerance_is_named_and_the_magnet_judged_apart(state, reason, 
 
 def test_time_and_ground_end_an_attempt():
     late = START + round(RULES.time_limit * 1e9) + 1_000_000
-    contact, _ = judge(Referee(RULES, TILT), late, vehicle(gap=1.0))
+    contact, _ = judge(Referee(RULES, DISC, TILT), late, vehicle(gap=1.0))
     assert (contact.outcome, contact.reason) == ("fail", "time")
     low = VehicleState(START, (3.0, 0.0, 0.1), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
-    contact, _ = judge(Referee(RULES, TILT), START, low)
+    contact, _ = judge(Referee(RULES, DISC, TILT), START, low)
     assert (contact.outcome, contact.reason) == ("fail", "ground")
 
 
 def test_the_first_decision_stands():
-    referee = Referee(RULES, TILT)
+    referee = Referee(RULES, DISC, TILT)
     first, _ = judge(referee, START, vehicle(gap=-0.001, along=0.9))
     (again,) = judge(referee, START + 10_000_000, vehicle(gap=-0.001))
     assert again is first

@@ -5,7 +5,8 @@ import pytest
 
 from hil.contract.messages import Action, BoardState, Contact, VehicleState
 from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleDevice, VehicleLink
-from hil.safety.gate import Gate, GateLimits
+from hil.safety.limits import GateLimits
+from hil.safety.vehicle_gate import VehicleGate
 from tests.unit.hil.contract.node_fakes import filled
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Note, Odometry, Rates
 
@@ -40,7 +41,7 @@ class Rig:
 
     def __init__(self, **options):
         self.link = FakeLink()
-        self.node = VehicleLink(self.link, Gate(GateLimits()), **options)
+        self.node = VehicleLink(self.link, VehicleGate(GateLimits()), **options)
         self.step(NOW - 4 * MS, odometry=True)
 
     def step(self, now_ns, *heard, odometry=False):
@@ -50,7 +51,7 @@ class Rig:
         return {topic: [out.message for out in outs if out.topic == topic] for topic in self.node.outputs}
 
 
-def test_parameters_are_told_once_they_are_read():
+def test_parameters_are_published_once_they_are_read():
     rig = Rig()
     told = []
     for phase in ("connect", "parameters", "streams", "streams", "ready", "arm"):
@@ -68,14 +69,14 @@ def contact(outcome, attached=False):
     return "referee/contact", Contact(NOW, outcome, "", attached, attached, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_command_goes_out_and_what_went_out_is_told():
+def test_a_command_is_sent_and_what_was_sent_is_published():
     rig = Rig()
     (sent,) = rig.step(NOW, action())["vehicle/sent"]
     assert rig.link.commands[-1] == Rates((0.1, 0.2, 0.3), 9.0)
     assert (sent.body_rate, sent.thrust, sent.thrust_normalised, sent.limited) == ((0.1, 0.2, 0.3), 9.0, 0.5, False)
 
 
-def test_what_the_gate_clips_is_what_goes_out():
+def test_what_the_gate_clips_is_what_is_sent():
     rig = Rig()
     (sent,) = rig.step(NOW, action(rate=(9.0, 0.0, 0.0)))["vehicle/sent"]
     assert rig.link.commands[-1] == Rates((4.0, 0.0, 0.0), 9.0)
@@ -87,7 +88,7 @@ def test_without_a_fresh_engaged_command_nothing_is_sent():
     for heard in ((), (action(engaged=False),), (action(stamp=NOW - 60 * MS),)):
         assert rig.step(NOW, *heard)["vehicle/sent"] == []
         assert rig.link.commands[-1] is None
-    assert rig.node.refused == 1
+    assert rig.node.counters["commands too old to send"] == 1
 
 
 def test_only_the_newest_command_counts():
@@ -96,7 +97,7 @@ def test_only_the_newest_command_counts():
     assert rig.link.commands[-1] == Rates((2.0, 0.0, 0.0), 9.0)
 
 
-def test_a_trip_silences_the_wire_for_good_and_says_so_once():
+def test_nothing_is_sent_after_a_trip_which_is_reported_once():
     rig = Rig()
     outs = rig.step(NOW, action(rate=(math.nan, 0.0, 0.0)))
     assert rig.link.commands[-1] is None
@@ -125,7 +126,7 @@ def test_after_the_verdict_the_motors_stop_on_the_board_and_land_elsewhere(verdi
     assert set(rig.link.calls) == {call}
 
 
-def test_on_a_board_that_is_not_there_the_motors_go_on():
+def test_the_motors_go_on_after_contact_with_a_virtual_board():
     rig = Rig(virtual_board=True)
     rig.step(NOW, contact("success", attached=True))
     assert set(rig.link.calls) == {"release"}
@@ -149,7 +150,7 @@ def test_notes_become_events_and_odometry_is_passed_on():
     assert outs["vehicle/odometry"] == [
         VehicleState(NOW, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
     ]
-    assert rig.node.garbage == 3
+    assert rig.node.counters["bytes of garbage on the vehicle's wire"] == 3
 
 
 SEEN = "mocap/vehicle", VehicleState(NOW - 5 * MS, (1.0, 2.0, 3.0), (9.0,) * 3, (0.6, 0.8, 0.0, 0.0), (9.0,) * 3)

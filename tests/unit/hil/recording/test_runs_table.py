@@ -1,4 +1,5 @@
 import csv
+import io
 import json
 import sys
 from dataclasses import fields
@@ -51,6 +52,9 @@ def root(tmp_path):
     make(root, "3", attached=False, rig="bench")
     make(root, "4", attached=False, outcome="incomplete")
     make(root, "5")
+    make(root, "9", attached=False, within=True)
+    cut_short = make(root, "A", attached=True, within=True) / "manifest.json"
+    cut_short.write_text(cut_short.read_text().replace("finished", "interrupted"))
     (make(root, "6") / "manifest.json").write_text("{")
     (make(root, "7") / "manifest.json").write_text("{}")
     (make(root, "8", attached=True) / "score.json").write_text('{"metrics": 3}')
@@ -65,29 +69,32 @@ def names(found):
 def test_every_run_has_one_verdict_and_a_damaged_one_hides_no_other(root):
     assert {row.run: row.verdict for row in rows(root)} == {
         "1": "perched",
-        "2": "attached",
+        "2": "attached, outside tolerance",
         "3": "missed",
         "4": "incomplete",
         "5": "none",
         "6": "damaged",
         "7": "damaged",
         "8": "damaged",
+        "9": "missed",  # within tolerance, but the magnet did not hold
+        "A": "incomplete",  # interrupted: its verdict says nothing about the policy
     }
 
 
 @pytest.mark.parametrize(
     ("filters", "left"),
     [
-        ({}, "12345678"),
+        ({}, "123456789A"),
         ({"scenario": "simple-i"}, "2"),
-        ({"scenario": "Hard_I"}, "1345"),
+        ({"scenario": "Hard_I"}, "13459A"),
         ({"rig": "bench"}, "3"),
-        ({"policy": "planner"}, "1345"),
+        ({"policy": "planner"}, "13459A"),
         ({"policy": "p.onnx"}, "2"),
         ({"policy": "DEADBEEF"}, "2"),
         ({"verdict": "perched"}, "1"),
         ({"verdict": "damaged"}, "678"),
-        ({"scenario": "hard-i", "verdict": "missed"}, "3"),
+        ({"verdict": "attached"}, "2"),
+        ({"scenario": "hard-i", "verdict": "missed"}, "39"),
     ],
 )
 def test_filters(root, filters, left):
@@ -105,6 +112,22 @@ def test_csv_has_every_column_and_the_numbers_unrounded(root, tmp_path):
         read = list(csv.DictReader(file))
     assert list(read[0]) == [field.name for field in fields(Row)]
     assert (read[0]["planar_m"], read[0]["reasons"], read[4]["planar_m"]) == ("0.012", "a; b", "")
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)", "\tx", "\rx"])
+def test_a_csv_cell_that_begins_like_a_formula_is_text(tmp_path, name):
+    write_csv(tmp_path / "t.csv", [Row("run", policy=name, planar_m=-0.5)])
+    with (tmp_path / "t.csv").open(newline="") as file:
+        (read,) = csv.DictReader(file)
+    assert (read["policy"], read["planar_m"]) == (f"'{name}", "-0.5")
+
+
+def test_names_from_elsewhere_neither_steer_the_terminal_nor_are_markup():
+    console = Console(file=io.StringIO(), width=200, force_terminal=False)
+    console.print(table([Row("a\x1b[2J\x1b]0;title\x07", policy="[red]p\x9b31m", verdict="perched")]))
+    text = console.file.getvalue()
+    assert "a\\x1b[2J\\x1b]0;title\\x07" in text and "[red]p\\x9b31m" in text
+    assert all(c.isprintable() or c == "\n" for c in text)
 
 
 def test_parquet_has_the_same_rows_with_types(root, tmp_path):

@@ -45,6 +45,24 @@ def test_counts_with_their_exact_interval(runs, tmp_path):
     assert "This scenario names no published row." in text
 
 
+def test_a_contact_within_tolerance_without_attachment_is_a_miss(runs):
+    score = json.loads((runs[0] / "score.json").read_text()) | {"attached": False}
+    (runs[0] / "score.json").write_text(json.dumps(score))
+    text = Page(write_report([runs[0].parent]).read_text()).text
+    low, high = (round(100 * p) for p in interval(2, 4))
+    assert f"2 of 4 ({low}–{high} %)" in text
+    alone = Page(write_report([runs[0]]).read_text()).text
+    assert "Missed: within tolerance, but not attached" in alone and "Perched" not in alone
+
+
+def test_an_interrupted_run_is_not_counted(runs):
+    change(runs[0], state="interrupted")
+    text = Page(write_report([runs[0].parent]).read_text()).text
+    assert "2 of 3" in text and "seed0: its state is interrupted" in text
+    alone = Page(write_report([runs[0]]).read_text()).text
+    assert "Not counted: the run's state is interrupted" in alone and "Perched" not in alone
+
+
 def test_a_folder_of_runs_is_a_campaign(runs):
     out = write_report([runs[0].parent])
     assert out == runs[0].parent / "campaign.html"

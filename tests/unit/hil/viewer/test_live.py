@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from hil.cli.main import main as cli
+from hil.cli import main as cli
 from hil.contract import messages as m
 from hil.viewer import live as view_live
 from hil.viewer.tap import PICTURES, SHOWN_NS, Feed, FeedSpec, Thinner, reduced

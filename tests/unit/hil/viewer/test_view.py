@@ -10,8 +10,10 @@ from typer.testing import CliRunner
 
 from hil.cli import runs as cli_runs
 from hil.recording.reader import ReadError
+from hil.report.recorded.flight import load
 from hil.viewer import view
 from tests.paths import GOLDEN_RUN as GOLDEN
+from vehicle.camera.pinhole import Camera
 
 
 @pytest.fixture
@@ -41,6 +43,27 @@ def test_saved_file_holds_scene_pictures_and_series(tmp_path):
     for path in ("/world/board/tags", "/world/board/plate", "/world/vehicle/camera/tags", "/world/detection"):
         assert rows.get(path, 0) >= 1, path
     assert [p.name for p in tmp_path.iterdir()] == ["run.rrd"]
+
+
+def test_a_finished_run_has_the_entities_of_a_run_under_way(tmp_path):
+    sdk = pytest.importorskip("rerun")
+    from hil.viewer.stream import ViewStream
+
+    recorded = load(GOLDEN)
+    live, saved = tmp_path / "live.rrd", tmp_path / "saved.rrd"
+    with sdk.RecordingStream("test") as stream:
+        stream.save(live, default_blueprint=sdk.blueprint.Blueprint())
+        view_stream = ViewStream(stream, recorded.board_size, recorded.tolerance.distance, Camera())
+        for topic, columns in recorded.topics.items():
+            for message in columns.messages:
+                view_stream.add(topic, message)
+    view.save_rrd(GOLDEN, saved)
+    shown = set(entities(saved))
+    assert set(entities(live)) <= shown
+    derived = {path.split("/")[2] if path.startswith("/plots") else path for path in shown - set(entities(live))}
+    assert derived <= {"closing", "belief-position", "belief-angles", "belief-speed", "thrust"} | {
+        "/world/paths/vehicle", "/world/paths/board", "/world/vehicle/camera/tags",
+    }  # fmt: skip
 
 
 def test_a_recording_cut_off_is_shown_as_far_as_it_goes(tmp_path):

@@ -6,7 +6,8 @@ import numpy as np
 
 from policies.evaluation.contenders import open_contender
 from policies.evaluation.evaluate import point, run_episodes
-from policies.task.contact import OUTCOME, SUCCESS
+from policies.task import result_row
+from policies.task.contact import SUCCESS
 
 
 def flown(name, **changes):
@@ -15,13 +16,13 @@ def flown(name, **changes):
     return run_episodes(contender.policy, config)
 
 
-def test_it_perches_on_a_board_that_goes_straight_on():
+def test_it_perches_on_a_board_on_a_straight_line():
     ended = flown("fast-perching", families=(0, 1.0, 0, 0, 0, 0), laws=(1.0, 0, 0, 0))
-    assert np.count_nonzero(ended[:, OUTCOME] == SUCCESS) >= 3
+    assert np.count_nonzero(ended[:, result_row.OUTCOME] == SUCCESS) >= 3
 
 
-def test_on_a_circle_it_needs_the_turn_rate():
+def test_on_a_circle_the_turn_rate_raises_success():
     circle = {**point(3.0, 0.0), "families": (0, 0, 0, 0, 1.0, 0), "laws": (1.0, 0, 0, 0)}
     flights = flown("fast-perching", **circle), flown("fast-perching-ctrv", **circle)
-    hits = [np.count_nonzero(rows[:, OUTCOME] == SUCCESS) for rows in flights]
+    hits = [np.count_nonzero(rows[:, result_row.OUTCOME] == SUCCESS) for rows in flights]
     assert hits[1] > hits[0]

@@ -6,8 +6,8 @@ import pytest
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
 from policies.environment.rows import S_STEP
-from policies.estimation.board_ekf import B_ACCEPTED, B_NIS, B_STREAK, B_T, belief_covariance
-from policies.estimation.ctrv import N
+from policies.estimation import belief_row, belief_state
+from policies.estimation.board_ekf import belief_covariance
 from policies.teachers.teacher import Teacher
 
 
@@ -15,21 +15,21 @@ def consistency(scale):
     """(NIS of the accepted, [(age of the newest exposure s, NEES of position, NEES of speed and turn rate)])."""
     env = Env(EnvConfig(stage="vision", count=128, seed=9, noise_scale=(scale, scale), warm=1.0))
     env.reset()
-    teacher, x, p = Teacher(env), np.zeros(8), np.zeros(N * N)
+    teacher, x, p = Teacher(env), np.zeros(8), np.zeros(belief_state.DIM * belief_state.DIM)
     belief = env.rows.belief
     nis, found = [], []
     for k in range(120):
-        before = belief[:, B_ACCEPTED].copy()
+        before = belief[:, belief_row.ACCEPTED].copy()
         env.step(teacher.act())
-        fresh = (belief[:, B_ACCEPTED] == before + 1) & (belief[:, B_STREAK] > 8)
-        nis.extend(belief[fresh, B_NIS])
+        fresh = (belief[:, belief_row.ACCEPTED] == before + 1) & (belief[:, belief_row.STREAK] > 8)
+        nis.extend(belief[fresh, belief_row.NIS])
         for i in range(k % 4, 128, 4):
             step = int(env.rows.state[i, S_STEP])
-            if belief[i, B_STREAK] > 8:
+            if belief[i, belief_row.STREAK] > 8:
                 belief_covariance(belief[i], step * TICK, env.shared.belief, x, p)
-                error, cov = x - env.rows.track[i, step], p.reshape(N, N)
+                error, cov = x - env.rows.track[i, step], p.reshape(belief_state.DIM, belief_state.DIM)
                 place, speed = (error[k] @ np.linalg.solve(cov[k, k], error[k]) for k in (slice(0, 2), slice(4, 6)))
-                found.append((step * TICK - belief[i, B_T], place, speed))
+                found.append((step * TICK - belief[i, belief_row.TIME], place, speed))
     return np.array(nis), np.array(found)
 
 

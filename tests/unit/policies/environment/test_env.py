@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundcar.motion.board_motion import SPEED_ROW
-from groundcar.motion.speed_laws import V2 as HIGHEST
-from groundcar.motion.speed_laws import V as LOWEST
+from groundcar.motion import motion_row, speed_row
 from policies.environment.config import FAMILIES, TICK, EnvConfig
 from policies.environment.env import Env, Tally, fill_future
 from policies.environment.rows import (
@@ -25,12 +23,12 @@ from policies.environment.rows import (
 )
 from policies.estimation.board_ekf import surface_sigma
 from policies.evaluation.evaluate import point
-from policies.task.contact import NORMAL_ERROR, OUTCOME, REASON, REASONS, SUCCESS, TIME_LIMIT
-from policies.task.observation import NEWEST, TAIL, TAIL_DRAG, TAIL_GAIN, USUAL_DRAG, ObservationBuilder
+from policies.task import result_row, rules_row, tail_row
+from policies.task.contact import REASONS, SUCCESS
+from policies.task.observation import NEWEST, TAIL, USUAL_DRAG, ObservationBuilder
 from policies.teachers.params import ExpertParams
 from policies.teachers.teacher import Teacher
-from vehicle.quadrotor.airframe import DRAG, MASS, MOTOR_LAG, RATE_K
-from vehicle.quadrotor.dynamics import P, Q, V
+from vehicle.quadrotor import airframe_row, state_row
 
 QUIET = {"odometry_noise": 0.0}
 HOVER = np.array([0.0, 0.0, 0.0, 0.0])
@@ -44,14 +42,14 @@ def test_start_is_the_paper_s_table():
     env = Env(EnvConfig(count=512, seed=3, **QUIET))
     env.reset()
     vehicle, board = env.rows.vehicle, env.rows.track[:, 0]
-    dx, dy = vehicle[:, P] - board[:, 0], vehicle[:, P + 1] - board[:, 1]
-    distance, height = np.hypot(dx, dy), vehicle[:, P + 2] - board[:, 2]
+    dx, dy = vehicle[:, state_row.P] - board[:, 0], vehicle[:, state_row.P + 1] - board[:, 1]
+    distance, height = np.hypot(dx, dy), vehicle[:, state_row.P + 2] - board[:, 2]
     azimuth = np.arctan2(dy, dx) - board[:, 3] - math.pi
     azimuth = np.degrees((azimuth + math.pi) % (2 * math.pi) - math.pi)
     assert 1.2 <= distance.min() < 1.3 and 3.4 < distance.max() <= 3.5
     assert 1.2 <= height.min() < 1.25 and 1.95 < height.max() <= 2.0
     assert -60.001 <= azimuth.min() < -55 and 55 < azimuth.max() <= 60.001
-    assert np.abs(vehicle[:, V]).max() <= 0.1 and np.abs(vehicle[:, V + 2]).max() <= 0.2
+    assert np.abs(vehicle[:, state_row.V]).max() <= 0.1 and np.abs(vehicle[:, state_row.V + 2]).max() <= 0.2
     assert np.degrees(board[:, 6]).max() <= 80.0 and (board[:, 2] == 1.5).all()
     drawn = np.bincount(env.rows.state[:, S_FAMILY].astype(int), minlength=len(FAMILIES))
     assert (drawn > 0).all()
@@ -61,7 +59,7 @@ def test_start_is_the_paper_s_table():
 def test_as_many_steep_boards_swing_as_are_asked_for(share, least, most):
     env = Env(EnvConfig(swings=share, speed=(0.0, 0.5), inclination_deg=(0.0, 5.0), count=400, seed=3))
     env.reset()
-    slow, fast = env.rows.motion[:, SPEED_ROW + LOWEST], env.rows.motion[:, SPEED_ROW + HIGHEST]
+    slow, fast = env.rows.motion[:, motion_row.SPEED + speed_row.V], env.rows.motion[:, motion_row.SPEED + speed_row.V2]
     inclination = np.degrees(env.rows.track[:, 0, 6])
     swing = (fast >= 2.2) & (fast <= 2.9) & (slow >= 0.6) & (slow <= 1.2) & (inclination >= 45) & (inclination <= 75)
     assert least <= swing.sum() <= most
@@ -120,15 +118,21 @@ def test_hovering_start_knows_the_board_s_speed_and_the_thrust_gain():
     truth = env.rows.track[np.arange(128), begin]
     assert np.median(np.abs(env.rows.believed[:, 4] - truth[:, 4])) < 0.15
     true = env.rows.params[:, 9] / env.rows.params[:, 0] / (env.shared.nominal[9] / env.shared.nominal[0])
-    assert np.abs(env.rows.observation[:, TAIL + TAIL_GAIN] - true).max() < 0.05
-    assert env.rows.observation[:, TAIL + TAIL_DRAG] == pytest.approx(USUAL_DRAG, abs=0.01)  # hovering does not show it
+    assert np.abs(env.rows.observation[:, TAIL + tail_row.GAIN] - true).max() < 0.05
+    assert env.rows.observation[:, TAIL + tail_row.DRAG] == pytest.approx(
+        USUAL_DRAG, abs=0.01
+    )  # hovering does not show it
 
 
 def test_the_airframe_is_drawn_anew_for_every_episode():
     ranges = {"drag": (0.0, 2.0), "motor_lag": (0.5, 1.5), "rate_gain": (0.6, 1.4)}
     env = Env(EnvConfig(count=512, seed=6, **ranges))
     env.reset()
-    for index, (low, high) in ((DRAG, ranges["drag"]), (MOTOR_LAG, ranges["motor_lag"]), (RATE_K, ranges["rate_gain"])):
+    for index, (low, high) in (
+        (airframe_row.DRAG, ranges["drag"]),
+        (airframe_row.MOTOR_LAG, ranges["motor_lag"]),
+        (airframe_row.RATE_K, ranges["rate_gain"]),
+    ):
         factor = env.rows.params[:, index] / env.shared.nominal[index]
         assert low <= factor.min() < low + 0.1 * (high - low) and high - 0.1 * (high - low) < factor.max() <= high
 
@@ -136,7 +140,7 @@ def test_the_airframe_is_drawn_anew_for_every_episode():
 def test_a_range_of_drag_that_begins_below_0_has_a_share_of_episodes_without():
     env = Env(EnvConfig(count=512, seed=6, drag=(-1.0, 3.0)))
     env.reset()
-    drag = env.rows.params[:, DRAG]
+    drag = env.rows.params[:, airframe_row.DRAG]
     assert drag.min() == 0.0 and (drag == 0.0).mean() == pytest.approx(0.25, abs=0.06)
 
 
@@ -147,7 +151,7 @@ def test_state_stage_shows_the_truth():
         env.step(actions(64, k))
     step = env.rows.state[:, S_STEP].astype(int)
     truth = env.rows.track[np.arange(64), step]
-    offset = truth[:, :3] - env.rows.vehicle[:, P : P + 3]
+    offset = truth[:, :3] - env.rows.vehicle[:, state_row.P : state_row.P + 3]
     seen = env.rows.observation[:, NEWEST : NEWEST + 3]
     assert np.linalg.norm(seen, axis=1) == pytest.approx(np.linalg.norm(offset, axis=1), abs=1e-5)
     assert seen[:, 2] == pytest.approx(offset[:, 2], abs=1e-5)
@@ -160,13 +164,17 @@ def test_flight_s_classes_give_the_training_s_numbers():
     env.reset()
     builder = ObservationBuilder(config.stride)
     previous = env.rows.state[0, 3:7].copy()
-    rows, usual = env.rows, env.shared.nominal[DRAG] / env.shared.nominal[MASS]
+    rows, usual = env.rows, env.shared.nominal[airframe_row.DRAG] / env.shared.nominal[airframe_row.MASS]
     for k in range(120):
         now_ns = round(rows.state[0, S_STEP] * TICK * 1e9)
         builder.push(now_ns, rows.believed[0])
         vehicle = rows.vehicle[0]
         rho = float(rows.observation[0, TAIL + 12])
-        own = vehicle[P : P + 3], vehicle[V : V + 3], vehicle[Q : Q + 4]
+        own = (
+            vehicle[state_row.P : state_row.P + 3],
+            vehicle[state_row.V : state_row.V + 3],
+            vehicle[state_row.Q : state_row.Q + 4],
+        )
         built = builder.build(now_ns, *own, rho, previous, 1.0, usual, surface_sigma(rows.belief[0]))
         assert built == pytest.approx(rows.observation[0], abs=2e-5)
         previous = actions(1, k)[0]
@@ -211,7 +219,7 @@ def test_time_limit_and_tally():
     assert (rows[:, E_STEPS] == 20).all()
     assert env.tally.success() == 0.0
     assert math.isnan(Tally().success())
-    assert env.shared.rules[TIME_LIMIT] == pytest.approx(0.195)
+    assert env.shared.rules[rules_row.TIME_LIMIT] == pytest.approx(0.195)
 
 
 def test_teacher_with_foresight_perches():
@@ -222,9 +230,9 @@ def test_teacher_with_foresight_perches():
     while len(env.tally.rows) < 96:
         env.step(teacher.act())
     rows = env.tally.rows
-    good = rows[:, OUTCOME] == SUCCESS
-    assert good.mean() > 0.9, [REASONS[int(k)] for k in rows[~good, REASON]]
-    assert rows[good, NORMAL_ERROR].max() <= 0.2
+    good = rows[:, result_row.OUTCOME] == SUCCESS
+    assert good.mean() > 0.9, [REASONS[int(k)] for k in rows[~good, result_row.REASON]]
+    assert rows[good, result_row.NORMAL_ERROR].max() <= 0.2
 
 
 @pytest.mark.slow

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from groundcar.motion.pose import board_normal
 from kernel.random import normal, stream
+from policies.estimation import belief_row, belief_state
 from policies.estimation import board_ekf as b
 from policies.estimation.board_filter import BoardFilter
-from policies.estimation.ctrv import BeliefParams, N, advance_covariance, advance_state
+from policies.estimation.ctrv import BeliefParams, advance_covariance, advance_state
 
 PARAMS = BeliefParams()
 MS = 1_000_000
@@ -66,9 +67,9 @@ def run(kind, seed, sigma=0.03, angle=0.03, lost=(), period=6, seconds=6.0, para
         q = quaternion(heading + bias + angle * normal(rng), inclination + angle * normal(rng))
         codes.append(filter_.update(int((t + 0.005) * 1e9), noisy, q, sigma, angle))
         if t > 1.0 and codes[-1] == "accepted":
-            nis.append(filter_.row[b.B_NIS])
+            nis.append(filter_.row[belief_row.NIS])
             error = filter_.row[:8] - truth
-            cov = filter_.row[b.B_P : b.B_T].reshape(N, N)
+            cov = filter_.row[belief_row.COVARIANCE : belief_row.TIME].reshape(belief_state.DIM, belief_state.DIM)
             nees.append(error[:2] @ np.linalg.solve(cov[:2, :2], error[:2]))
             speeds.append(error[4:6] @ np.linalg.solve(cov[4:6, 4:6], error[4:6]))
     return filter_, np.array(nis), np.array(nees), np.array(speeds), truth, codes
@@ -76,7 +77,7 @@ def run(kind, seed, sigma=0.03, angle=0.03, lost=(), period=6, seconds=6.0, para
 
 @pytest.mark.parametrize("kind", ["ou", "cosine", "line"])
 @pytest.mark.parametrize("sigma", [0.08, 0.008])
-def test_errors_are_as_large_as_the_filter_says(kind, sigma):
+def test_errors_are_consistent_with_the_covariance(kind, sigma):
     runs = [run(kind, seed, sigma, sigma) for seed in range(6)]
     nis = np.concatenate([r[1] for r in runs]).mean()
     position = np.concatenate([r[2] for r in runs]).mean()
@@ -88,7 +89,7 @@ def test_errors_are_as_large_as_the_filter_says(kind, sigma):
 
 
 @pytest.mark.parametrize("kind", ["ou", "cosine"])
-def test_a_second_without_measurements_in_a_turn_does_not_lock_the_filter_out(kind):
+def test_filter_recovers_after_a_second_without_measurements_in_a_turn(kind):
     for seed in range(8):
         filter_, *_, truth, codes = run(kind, seed, 0.02, 0.02, lost=((3.0, 4.0),))
         now = filter_.estimate(6_000 * MS)
@@ -98,7 +99,7 @@ def test_a_second_without_measurements_in_a_turn_does_not_lock_the_filter_out(ki
         assert abs(now.speed - truth[4]) < 0.35
 
 
-def test_a_jump_is_refused_then_believed_and_a_lone_outlier_never():
+def test_innovation_test_refuses_an_outlier_and_restarts_after_a_jump():
     filter_ = BoardFilter()
     for k in range(20):
         assert filter_.update(k * 30 * MS, (0.06 * k, 0, 1.5), quaternion(0, 0.5), 0.02, 0.02) == "accepted"
@@ -120,14 +121,14 @@ def test_bad_measurements_are_counted_and_change_nothing():
     filter_ = BoardFilter()
     for k in range(10):
         filter_.update(k * 33 * MS, (0, 0, 1.5), quaternion(0.2, 0.0), 0.02, 0.02)
-    before = filter_.row[: b.B_T + 1].copy()
+    before = filter_.row[: belief_row.TIME + 1].copy()
     assert filter_.update(400 * MS, (math.nan, 0, 1.5), quaternion(0.2, 0), 0.02, 0.02) == "not_finite"
     assert filter_.update(400 * MS, (0, 0, 1.5), quaternion(0.2, 0), 0.0, 0.02) == "not_finite"
     assert filter_.update(400 * MS, (0, 0, 1.5), (math.nan, 0, 0, 0), 0.02, 0.02) == "not_finite"
     assert filter_.update(100 * MS, (0, 0, 1.5), quaternion(0.2, 0), 0.02, 0.02) == "out_of_order"
     assert filter_.update(400 * MS, (0, 0, 1.5), quaternion(0.2, -0.9), 0.02, 0.02) == "implausible"
     assert filter_.update(400 * MS, (0, 0, 1.5), quaternion(0.2, 0.3, roll=0.7), 0.02, 0.02) == "implausible"
-    assert np.array_equal(before, filter_.row[: b.B_T + 1])
+    assert np.array_equal(before, filter_.row[: belief_row.TIME + 1])
     assert filter_.estimate(400 * MS).rejected == 6 and filter_.estimate(400 * MS).accepted == 10
 
 
@@ -161,9 +162,9 @@ def test_heading_and_inclination_come_back_out_of_any_pose(heading, inclination,
 @settings(max_examples=50)
 @given(st.floats(-2.5, 2.5), st.floats(-1.2, 1.2), st.floats(-3.0, 3.0))
 def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
-    row, out = np.zeros(b.BELIEF_DIM), np.zeros(8)
+    row, out = np.zeros(belief_row.DIM), np.zeros(8)
     row[:8] = (1.0, 2.0, 1.5, heading, speed, turn, 0.4, 0.0)
-    row[b.B_STREAK] = 9.0
+    row[belief_row.STREAK] = 9.0
     b.belief_predict(row, 1.5, BeliefParams(turn_tau=1e9).row(), out)
     w = turn if abs(turn) > 1e-7 else 1e-7
     x = 1.0 + speed / w * (math.sin(heading + w * 1.5) - math.sin(heading))
@@ -174,10 +175,10 @@ def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
 
 @pytest.mark.parametrize("turn", [1.2, -0.4])
 @pytest.mark.parametrize("seconds", [0.05, 0.1, 0.5, 2.0])
-def test_a_bend_that_is_no_longer_seen_ends(turn, seconds):
-    row, out = np.zeros(b.BELIEF_DIM), np.zeros(8)
+def test_turn_rate_decays_without_measurements(turn, seconds):
+    row, out = np.zeros(belief_row.DIM), np.zeros(8)
     row[:8] = (1.0, 2.0, 1.5, 0.3, 2.0, turn, 0.4, 0.0)
-    row[b.B_STREAK] = 9.0
+    row[belief_row.STREAK] = 9.0
     b.belief_predict(row, seconds, PARAMS.row(), out)
     unseen, tau = max(0.0, seconds - PARAMS.loss_after), PARAMS.turn_tau
     turned = turn * (seconds - unseen + tau * (1.0 - math.exp(-unseen / tau)))
@@ -187,62 +188,70 @@ def test_a_bend_that_is_no_longer_seen_ends(turn, seconds):
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, -3.0])
-def test_the_turn_rate_wanders_by_the_speed(speed):
-    x, p = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, 0.3, 0.0, 0.0]), np.zeros(N * N)
+def test_turn_rate_noise_grows_with_speed(speed):
+    x, p = np.array([0.0, 0.0, 1.5, 0.0, speed, 0.0, 0.3, 0.0, 0.0]), np.zeros(belief_state.DIM * belief_state.DIM)
     advance_covariance(x, p, 0.04, PARAMS.row(), 0.5)
-    assert math.sqrt(p[5 * (N + 1)]) == pytest.approx(0.2 * (PARAMS.q_turn + PARAMS.q_bend * abs(speed)))
+    assert math.sqrt(p[5 * (belief_state.DIM + 1)]) == pytest.approx(0.2 * (PARAMS.q_turn + PARAMS.q_bend * abs(speed)))
 
 
 def test_covariance_is_carried_by_the_jacobian_of_the_motion():
     still = ("q_speed", "q_turn", "q_bend", "q_heading", "q_position", "q_inclination", "accel_sigma", "calm_accel")
     quiet = BeliefParams(**dict.fromkeys(still, 0.0)).row()
     x0 = np.array([0.0, 0.0, 1.5, 0.4, 1.7, 0.8, 0.3, 0.9, 0.02])
-    jacobian, dt, eps = np.zeros((N, N)), 0.05, 1e-6
-    for j in range(N):
+    jacobian, dt, eps = np.zeros((belief_state.DIM, belief_state.DIM)), 0.05, 1e-6
+    for j in range(belief_state.DIM):
         high, low = x0.copy(), x0.copy()
         high[j] += eps
         low[j] -= eps
         advance_state(high, dt, PARAMS.accel_tau)
         advance_state(low, dt, PARAMS.accel_tau)
         jacobian[:, j] = (high - low) / (2 * eps)
-    a = np.random.default_rng(3).normal(size=(N, N))
+    a = np.random.default_rng(3).normal(size=(belief_state.DIM, belief_state.DIM))
     cov = (a @ a.T).copy()
     p = cov.ravel().copy()
     advance_covariance(x0, p, dt, quiet, 0.5)
-    assert p.reshape(N, N) == pytest.approx(jacobian @ cov @ jacobian.T, abs=2e-3)
+    assert p.reshape(belief_state.DIM, belief_state.DIM) == pytest.approx(jacobian @ cov @ jacobian.T, abs=2e-3)
 
 
 @pytest.mark.parametrize("kind", ["ou", "line"])
-def test_where_the_board_goes_tells_its_heading_from_what_is_measured_of_it(kind):
+def test_motion_separates_heading_from_its_bias(kind):
     ends = [run(kind, seed, 0.02, 0.03, period=4, seconds=5.3, bias=0.05)[:5:4] for seed in range(12)]
     errors = [b.wrap(filter_.row[3] - truth[3]) for filter_, truth in ends]
     left = np.array([filter_.row[8] - 0.05 for filter_, _ in ends])
-    sigmas = np.array([math.sqrt(filter_.row[b.B_P + 8 * (N + 1)]) for filter_, _ in ends])
+    sigmas = np.array(
+        [math.sqrt(filter_.row[belief_row.COVARIANCE + 8 * (belief_state.DIM + 1)]) for filter_, _ in ends]
+    )
     assert abs(np.mean(errors)) < 0.012  # 0.05 if the bias were not known
     assert (sigmas < 0.7 * PARAMS.bias_heading).all() and np.mean((left / sigmas) ** 2) < 6.0
 
 
-def test_a_standing_board_keeps_the_heading_that_is_measured():
+def test_standing_board_keeps_the_measured_heading():
     filter_, *_, truth, _ = run("static", 3, 0.01, 0.01, seconds=3.0, bias=0.03)
     assert b.wrap(filter_.row[3] - truth[3]) == pytest.approx(0.03, abs=0.01)
-    assert math.sqrt(filter_.row[b.B_P + 8 * (N + 1)]) == pytest.approx(PARAMS.bias_heading, rel=0.02)
+    assert math.sqrt(filter_.row[belief_row.COVARIANCE + 8 * (belief_state.DIM + 1)]) == pytest.approx(
+        PARAMS.bias_heading, rel=0.02
+    )
 
 
-def test_surface_sigma_is_that_of_the_board_along_its_normal_when_it_was_last_seen():
-    row, rng = np.zeros(b.BELIEF_DIM), np.random.default_rng(4)
+def test_surface_sigma_is_along_the_normal_at_the_last_measurement():
+    row, rng = np.zeros(belief_row.DIM), np.random.default_rng(4)
     assert b.surface_sigma(row) == 0.1
-    root = rng.normal(0.0, 0.02, (N, N))
-    row[b.B_STREAK], row[b.B_X : b.B_P], row[b.B_P : b.B_T] = 5.0, rng.normal(0.0, 1.0, N), (root @ root.T).ravel()
-    row[b.B_X + 6] = 0.9
-    normal_axis = np.array(board_normal(row[b.B_X : b.B_P]))
+    root = rng.normal(0.0, 0.02, (belief_state.DIM, belief_state.DIM))
+    (
+        row[belief_row.STREAK],
+        row[belief_row.STATE : belief_row.COVARIANCE],
+        row[belief_row.COVARIANCE : belief_row.TIME],
+    ) = 5.0, rng.normal(0.0, 1.0, belief_state.DIM), (root @ root.T).ravel()
+    row[belief_row.STATE + 6] = 0.9
+    normal_axis = np.array(board_normal(row[belief_row.STATE : belief_row.COVARIANCE]))
     wanted = math.sqrt(normal_axis @ (root @ root.T)[:3, :3] @ normal_axis)
     assert b.surface_sigma(row) == pytest.approx(wanted, rel=1e-9)
     assert 0.01 < wanted < 0.1
-    row[b.B_P : b.B_T] *= 100.0
+    row[belief_row.COVARIANCE : belief_row.TIME] *= 100.0
     assert b.surface_sigma(row) == 0.1
 
 
-def test_headings_across_pi_do_not_upset_it():
+def test_filter_is_continuous_across_heading_pi():
     filter_ = BoardFilter()
     codes = [
         filter_.update(k * 33 * MS, (-0.033 * k, 0, 1.5), quaternion(math.pi + 0.02 * (-1) ** k, 0.3), 0.01, 0.02)

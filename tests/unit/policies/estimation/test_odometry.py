@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernel.rotations import body_z, from_rotation_vector, multiply
-from policies.estimation.odometry import NOW_DIM, odometry_now
+from policies.estimation import odometry_row
+from policies.estimation.odometry import odometry_now
 from vehicle.quadrotor.airframe import GRAVITY
 
 RATE = st.tuples(*[st.floats(-3.5, 3.5)] * 3)
@@ -25,7 +26,7 @@ class View:
 
 def now(view, age, thrust=GRAVITY, drag=0.2):
     at = view.stamp_ns + round(age * 1e9)
-    return [part.copy() for part in odometry_now(at, view, thrust, drag, np.zeros(NOW_DIM))]
+    return [part.copy() for part in odometry_now(at, view, thrust, drag, np.zeros(odometry_row.DIM))]
 
 
 @settings(max_examples=40, deadline=None)
@@ -45,13 +46,13 @@ def test_agrees_with_the_motion_integrated_finely(velocity, turn, rate, thrust, 
     assert orientation == pytest.approx(np.array(q), abs=1e-9)
 
 
-def test_an_estimate_of_now_is_left_alone():
+def test_odometry_of_age_zero_is_unchanged():
     view = View((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (1.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
     position, velocity, orientation = now(view, 0.0)
     assert (tuple(position), tuple(velocity), tuple(orientation)) == (view.position, view.velocity, view.orientation)
 
 
-def test_a_flare_is_what_it_is_for():
+def test_prediction_reduces_the_error_in_a_flare():
     """Nose-up by 60 deg at 12 m/s^2, 16 ms old: the speed left is 0.17 m/s less than the estimate says."""
     view = View((0.0, 0.0, 2.0), (5.0, 0.0, 0.0), from_rotation_vector(0.0, -np.pi / 3, 0.0), (0.0, 0.0, 0.0))
     _, velocity, _ = now(view, 0.016, 12.0, 0.0)

@@ -1,4 +1,4 @@
-"""The map of speed and inclination as data and picture, and the trajectory families."""
+"""The map of speed and inclination as data and drawing, and the trajectory families."""
 
 from dataclasses import replace
 
@@ -15,15 +15,15 @@ def fall(env):
     return np.tile([0.0, 0.0, 0.0, -1.0], (env.config.count, 1))
 
 
-def test_heat_map_picture_has_its_contours():
-    picture = HeatMap([0.0, 1.0], [0.0, 80.0], [[100.0, 90.0], [60.0, 20.0]], 10).svg("map")
-    assert picture.startswith("<svg") and picture.count("<rect") == 5
-    red, blue = (picture.split(f'stroke="{colour}"')[0].rsplit('d="', 1)[1] for colour in ("#900", "#036"))
+def test_drawing_of_a_heat_map_has_both_contours():
+    drawing = HeatMap([0.0, 1.0], [0.0, 80.0], [[100.0, 90.0], [60.0, 20.0]], 10).svg("map")
+    assert drawing.startswith("<svg") and drawing.count("<rect") == 5
+    red, blue = (drawing.split(f'stroke="{colour}"')[0].rsplit('d="', 1)[1] for colour in ("#900", "#036"))
     assert red.count("M") == 2  # 60|20 and 90|20
     assert blue.count("M") == 2  # 100|60 and 90|20
 
 
-def test_heat_map_covers_the_paper_s_axes():
+def test_heat_map_covers_the_axes_of_the_paper():
     told = []
     found = heatmap(fall, EnvConfig(odometry_noise=0.0), 2, watch=told.append)
     assert found.speeds[0] == 0.0 and found.speeds[-1] >= 3.0
@@ -34,7 +34,7 @@ def test_heat_map_covers_the_paper_s_axes():
     assert told[-1] == 1.0
 
 
-def test_motions_are_the_four_families():
+def test_motions_fly_the_four_trajectory_families():
     drawn = set()
 
     def noting(env):
@@ -47,7 +47,7 @@ def test_motions_are_the_four_families():
 
 
 @pytest.mark.parametrize(("stage", "others"), [("state", VEHICLES), ("vision", {**VEHICLES, **CAMERAS})])
-def test_robustness_is_one_change_at_a_time_at_the_paper_s_points(stage, others):
+def test_robustness_makes_one_change_at_a_time_at_the_paper_s_points(stage, others):
     seen = []
 
     def noting(env):

@@ -6,7 +6,7 @@ from hil.contract.messages import Belief, VehicleState
 from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.registry import policy_factory
 from policies.flying.shipped import SHIPPED, policy_file
-from policies.task.observation import FILL
+from policies.task import history_row
 from vehicle.quadrotor.airframe import load_airframe
 
 MS = 1_000_000
@@ -28,7 +28,7 @@ def test_between_ticks_the_newest_picture_is_acted_on_and_the_history_keeps_its_
     late = act(16, 10, 2.5)
     assert late != act(16, 10, 3.0)  # what the picture told is in the answer
     act(20, 20, 2.5)
-    assert policy._builder._row[FILL] == 2.0
+    assert policy._builder._row[history_row.FILL] == 2.0
 
 
 @pytest.mark.parametrize("name", [*SHIPPED, "planner", "planner-analytic"])

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from policies.network.actor_critic import FUTURE, GEOMETRY_DIM, Actor, Critic, NetworkConfig, geometry, normalisation
-from policies.task.observation import ENTRY_DIM, NEWEST, OBS_DIM, TAIL, TAIL_DIM, TAIL_R
+from policies.task import entry_row, tail_row
+from policies.task.observation import NEWEST, OBS_DIM, TAIL
 
 torch.set_num_threads(1)
 
@@ -21,7 +22,7 @@ def observations(count=5, seed=0):
 def test_shapes_and_ablations(temporal, with_geometry):
     config = NetworkConfig(temporal=temporal, geometry=with_geometry)
     actor, critic = Actor(config), Critic(config)
-    observation, future = observations(), torch.zeros(5, FUTURE * ENTRY_DIM)
+    observation, future = observations(), torch.zeros(5, FUTURE * entry_row.DIM)
     assert actor(observation).shape == (5, 4)
     assert critic(observation, future).shape == (5,)
     density = -4.0 * (config.log_std + 0.5 * math.log(2 * math.pi))
@@ -43,16 +44,16 @@ def test_without_temporal_augmentation_the_past_does_not_matter():
 def test_without_temporal_augmentation_the_critic_sees_no_future():
     for temporal in (True, False):
         critic = Critic(NetworkConfig(temporal=temporal))
-        far = torch.ones(5, FUTURE * ENTRY_DIM)
+        far = torch.ones(5, FUTURE * entry_row.DIM)
         changed = bool((critic(observations(), 0 * far) - critic(observations(), far)).abs().max() > 1e-5)
         assert changed == temporal
 
 
 def test_geometry_by_hand():
-    newest, tail = torch.zeros(1, ENTRY_DIM), torch.zeros(1, TAIL_DIM)
+    newest, tail = torch.zeros(1, entry_row.DIM), torch.zeros(1, tail_row.DIM)
     newest[0, :9] = torch.tensor([1.0, 2.0, -2.0, 0.6, 0.0, 0.8, 1.5, 0.5, 0.1])
     tail[0, 0:3] = torch.tensor([0.5, 0.5, -1.0])
-    tail[0, TAIL_R : TAIL_R + 9] = torch.eye(3).ravel()
+    tail[0, tail_row.R : tail_row.R + 9] = torch.eye(3).ravel()
     out = geometry(newest, tail)[0].numpy()
     assert out.shape == (GEOMETRY_DIM,)
     p, n, v = np.array([1.0, 2.0, -2.0]), np.array([0.6, 0.0, 0.8]), np.array([-1.0, 0.0, -1.0])
@@ -66,8 +67,8 @@ def test_geometry_by_hand():
 
 def test_normalisation_covers_the_observation():
     shift, scale = normalisation()
-    assert len(shift) == len(scale) == ENTRY_DIM + TAIL_DIM
+    assert len(shift) == len(scale) == entry_row.DIM + tail_row.DIM
     assert min(scale) > 0.0
     actor = Actor(NetworkConfig())
     assert actor.trunk.scale.shape == (OBS_DIM,)
-    assert actor.trunk.scale[TAIL - 1] == actor.trunk.scale[ENTRY_DIM - 1]
+    assert actor.trunk.scale[TAIL - 1] == actor.trunk.scale[entry_row.DIM - 1]

@@ -7,19 +7,20 @@ import torch
 
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.network.regimes import REGIMES, regime_shares
-from policies.task.observation import ENTRY_DIM, HISTORY, NEWEST, OBS_DIM, TAIL, TAIL_SIGMA
+from policies.task import entry_row, tail_row
+from policies.task.observation import HISTORY, NEWEST, OBS_DIM, TAIL
 
 
 def seen(inclination_deg, sigma, distance=1.0, was=1.0):
     """An observation of a board at 2 m/s that half a second ago was at `was` times that."""
     observation = torch.zeros(1, OBS_DIM)
-    history = observation[:, :TAIL].reshape(1, HISTORY, ENTRY_DIM)
+    history = observation[:, :TAIL].reshape(1, HISTORY, entry_row.DIM)
     history[:, :, 7] = 2.0
     history[:, -6, 7] = 2.0 * was
     angle = math.radians(inclination_deg)
     observation[0, NEWEST + 3 : NEWEST + 6] = torch.tensor([-math.sin(angle), 0.0, math.cos(angle)])
     observation[0, NEWEST] = distance
-    observation[0, TAIL + TAIL_SIGMA] = sigma
+    observation[0, TAIL + tail_row.SIGMA] = sigma
     return observation
 
 

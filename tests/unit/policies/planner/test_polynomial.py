@@ -10,7 +10,7 @@ number = st.floats(-5.0, 5.0)
 
 @settings(max_examples=60, deadline=None)
 @given(number, number, number, number, number, number, st.floats(0.3, 3.0), st.floats(0.0, 1.0))
-def test_both_ends_are_met_and_the_terminal_jerk_is_taken_away(p0, v0, a0, p1, v1, a1, duration, flatten):
+def test_motion_meets_both_ends_and_flatten_reduces_the_terminal_jerk(p0, v0, a0, p1, v1, a1, duration, flatten):
     c, plain = np.zeros(21), np.zeros(21)
     poly.fit_axis(p0, v0, a0, p1, v1, a1, duration, flatten, c, 7)
     poly.fit_axis(p0, v0, a0, p1, v1, a1, duration, 0.0, plain, 7)
@@ -23,7 +23,7 @@ def test_both_ends_are_met_and_the_terminal_jerk_is_taken_away(p0, v0, a0, p1, v
     assert np.all(c[:7] == 0) and np.all(c[14:] == 0)
 
 
-def test_derivatives_are_derivatives():
+def test_derivatives_agree_with_differences():
     c, h = np.zeros(7), 1e-5
     poly.fit_axis(0.0, 1.0, 2.0, 3.0, -1.0, 0.5, 1.4, 0.3, c, 0)
     for t in (0.2, 0.7, 1.1):

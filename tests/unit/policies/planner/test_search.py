@@ -5,13 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from policies.planner import params as pp
 from policies.planner import polynomial as poly
 from policies.planner import search as ps
-from policies.planner.params import PlannerParams
+from policies.planner.policy import planner_params
 from policies.prediction.future import CTRV, HORIZON, STEP, board_at, predict_future
+from vehicle.quadrotor.airframe import GRAVITY, load_airframe
 
-ROW = PlannerParams().row()
+PARAMS = planner_params(load_airframe("paper_quad"))
+ROW = PARAMS.row()
 
 
 def scene(inclination, speed, turn, behind=1.8, above=0.8):
@@ -42,13 +43,13 @@ def test_a_plan_ends_on_the_board_at_the_impact_speed_with_thrust_leaning_up_the
         np.array([f(motion, 7 * i, duration) for i in range(3)])
         for f in (poly.position, poly.velocity, poly.acceleration)
     ]
-    offset = ROW[pp.ROBOT_L] - ROW[pp.OVERSHOOT]
+    offset = PARAMS.vehicle.contact_below - PARAMS.contact.overshoot
     assert end[0] == pytest.approx(board[:3] + offset * n, abs=1e-6)
     relative = end[1] - board[4] * np.array([math.cos(board[3]), math.sin(board[3]), 0.0])
-    assert relative @ n == pytest.approx(-ROW[pp.IMPACT_SPEED], abs=1e-6)
-    assert np.linalg.norm(relative - (relative @ n) * n) <= ROW[pp.SKID] + 1e-6
-    force = end[2] + ROW[pp.DRAG] * end[1] + np.array([0, 0, ROW[pp.GRAVITY]])
-    lean = ROW[pp.LEAN] * min(1.0, 2.0 * math.sin(inclination))
+    assert relative @ n == pytest.approx(-PARAMS.contact.speed, abs=1e-6)
+    assert np.linalg.norm(relative - (relative @ n) * n) <= PARAMS.contact.skid + 1e-6
+    force = end[2] + PARAMS.vehicle.drag * end[1] + np.array([0, 0, GRAVITY])
+    lean = PARAMS.contact.lean * min(1.0, 2.0 * math.sin(inclination))
     up = np.array([n[2] * math.cos(board[3]), n[2] * math.sin(board[3]), math.sin(inclination)])
     assert force == pytest.approx(thrust * (math.cos(lean) * n + math.sin(lean) * up), abs=1e-5)
 
@@ -64,7 +65,7 @@ def test_a_cheap_plan_stays_over_the_board_s_plane_and_within_the_thrust():
         assert np.dot(ps.board_normal(board), p - board[:3]) > 0.0 and p[2] > 0.3
         a = np.array([poly.acceleration(motion, 7 * i, t) for i in range(3)])
         v = np.array([poly.velocity(motion, 7 * i, t) for i in range(3)])
-        force = np.linalg.norm(a + ROW[pp.DRAG] * v + np.array([0, 0, ROW[pp.GRAVITY]]))
+        force = np.linalg.norm(a + PARAMS.vehicle.drag * v + np.array([0, 0, GRAVITY]))
         assert 4.0 < force < 15.5
 
 
@@ -72,14 +73,14 @@ def test_postponing_contact_costs_and_the_impossible_is_expensive():
     future, start = scene(0.5, 1.0, 0.0)
     (free, duration, _), _ = find(future, start)
     (held, _, _), _ = find(future, start, remaining=duration - 0.4, low=duration, high=duration + 0.2)
-    assert held - free == pytest.approx(0.4 * ROW[pp.W_POSTPONE], abs=0.4)
+    assert held - free == pytest.approx(0.4 * PARAMS.weights.postpone, abs=0.4)
     (rushed, _, _), _ = find(future, start, low=0.25, high=0.3)
     assert rushed > 20.0
 
 
-def test_motions_that_lose_sight_of_the_board_cost_more():
+def test_motion_that_loses_the_board_from_view_costs_more():
     future, start = scene(0.0, 2.0, 0.0, behind=2.5, above=0.1)
-    blind = PlannerParams(w_view=0.0).row()
+    blind = PARAMS.changed({"weights.visibility": 0.0}).row()
     (with_view, _, _), _ = find(future, start)
     (without, _, _), _ = find(future, start, params=blind)
     assert with_view > without + 0.2

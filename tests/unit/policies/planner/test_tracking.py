@@ -6,10 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernel.rotations import body_z, from_euler, integrate
-from policies.planner.params import PlannerParams
+from policies.planner.policy import planner_params
 from policies.planner.tracking import track_force, yaw_error
+from vehicle.quadrotor.airframe import load_airframe
 
-PARAMS = PlannerParams().row()
+PARAMS = planner_params(load_airframe("paper_quad")).row()
 
 
 @settings(max_examples=40, deadline=None)
@@ -25,7 +26,7 @@ def test_following_the_rates_turns_body_z_onto_the_force(roll, pitch, yaw, tilt,
     assert np.dot(body_z(q), f / 10.0) > math.cos(0.01)
 
 
-def test_the_force_s_turning_is_fed_forward():
+def test_rotation_of_the_force_is_fed_forward():
     out = np.zeros(4)
     level = np.array([1.0, 0.0, 0.0, 0.0])
     track_force(level, 0.0, 0.0, 10.0, 0.0, 0.0, 10.0, 5.0, 0.0, 0.0, 0.3, 10.0, 1.0, PARAMS, out)

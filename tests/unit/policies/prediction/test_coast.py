@@ -3,31 +3,32 @@ import math
 import numpy as np
 import pytest
 
-from policies.prediction.coast import COAST_DIM, coast_future, coast_keep, coast_state, coasting
-from policies.prediction.future import CTRV, HORIZON, STEP, predict_future
+from policies.prediction import coast_row
+from policies.prediction.coast import coast_future, coast_keep, coast_state, coasting
+from policies.prediction.future import HORIZON, STEP, predict_future
 
 
 def kept(speed=2.0, turn_rate=0.5, t=10.0, age=0.02):
-    future, row = np.zeros((HORIZON, 8)), np.zeros(COAST_DIM)
-    predict_future(np.array([1.0, -2.0, 1.5, 0.3, speed, turn_rate, 0.9, 0.0]), CTRV, 0.5, STEP, future)
+    future, row = np.zeros((HORIZON, 8)), np.zeros(coast_row.DIM)
+    predict_future(np.array([1.0, -2.0, 1.5, 0.3, speed, turn_rate, 0.9, 0.0]), 0.5, STEP, future)
     coast_keep(row, t, age, future)
     return row, future
 
 
-def test_only_a_gap_in_sight_is_coasted_and_only_so_long():
+def test_coasting_starts_after_a_gap_and_ends_after_its_limit():
     row, _ = kept(t=10.0)
-    assert not coasting(np.zeros(COAST_DIM), 10.5, 0.5)
+    assert not coasting(np.zeros(coast_row.DIM), 10.5, 0.5)
     assert not coasting(row, 10.1, 0.02)
     assert coasting(row, 10.1, 0.12)
     assert not coasting(row, 13.0, 3.0)
 
 
-def test_a_prediction_from_an_old_look_is_not_kept():
+def test_prediction_from_an_old_exposure_is_not_kept():
     row, _ = kept(age=0.08)
     assert not row.any()
 
 
-def test_the_board_is_where_the_kept_prediction_said():
+def test_coasted_board_equals_the_kept_prediction():
     row, future = kept()
     x = np.zeros(8)
     coast_state(row, 10.0 + 7 * STEP, STEP, x)
@@ -45,7 +46,7 @@ def test_a_rising_speed_gives_an_acceleration():
     assert x[7] == pytest.approx(1.5)
 
 
-def test_the_future_goes_on_beyond_what_was_kept():
+def test_coasted_future_extrapolates_beyond_the_kept_rows():
     row, future = kept(speed=2.0, turn_rate=0.5)
     later = np.zeros((HORIZON, 8))
     coast_future(row, 11.0, STEP, later)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.prediction import future as pr
-from policies.prediction.speed_history import FIT_DIM
+from policies.prediction import oscillation_row
 
 
 def truth(t, speed=2.0, turn=0.5):
@@ -16,20 +16,18 @@ def truth(t, speed=2.0, turn=0.5):
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(-2.5, 3.0), st.floats(-1.2, 1.2), st.floats(-3.0, 3.0))
-def test_ctrv_is_the_arc_and_constant_velocity_the_tangent(speed, turn, heading):
-    out, state = np.zeros((41, 8)), np.array([1.0, 2.0, 1.5, heading, speed, turn, 0.3, 5.0])
-    pr.predict_future(state, pr.CTRV, 1.0, 0.05, out)
+def test_prediction_without_acceleration_is_the_arc(speed, turn, heading):
+    out, state = np.zeros((41, 8)), np.array([1.0, 2.0, 1.5, heading, speed, turn, 0.3, 0.0])
+    pr.predict_future(state, 1.0, 0.05, out)
     w = turn if abs(turn) > 1e-6 else 1e-6
     assert out[40, 0] == pytest.approx(1 + speed / w * (math.sin(heading + 2 * w) - math.sin(heading)), abs=1e-4)
     assert out[40, 4] == pytest.approx(speed) and np.all(out[:, 7] == 0.0)
     assert out[0, :7] == pytest.approx(state[:7])
-    pr.predict_future(state, pr.CONSTANT_VELOCITY, 1.0, 0.05, out)
-    assert out[40, :2] == pytest.approx([1 + 2 * speed * math.cos(heading), 2 + 2 * speed * math.sin(heading)])
 
 
 def test_acceleration_decays():
     out = np.zeros((64, 8))
-    pr.predict_future(np.array([0, 0, 1.5, 0, 1.0, 0, 0, 2.0]), pr.CTRV_ACCELERATION, 0.5, 0.05, out)
+    pr.predict_future(np.array([0, 0, 1.5, 0, 1.0, 0, 0, 2.0]), 0.5, 0.05, out)
     assert out[63, 4] == pytest.approx(1 + 2.0 * 0.5, abs=0.01)
     assert out[10, 4] == pytest.approx(1 + 1.0 * (1 - math.exp(-1.0)), abs=1e-6)
     assert np.all(np.diff(out[:, 4]) > 0)
@@ -56,13 +54,13 @@ def test_headings_are_interpolated_across_pi():
     assert abs(row[3]) == pytest.approx(math.pi - 0.01, abs=0.01)
 
 
-def test_an_untrusted_fit_changes_nothing_and_a_trusted_one_swings_with_the_bend_kept():
+def test_untrusted_fit_changes_nothing_and_a_trusted_one_keeps_the_curvature():
     state = np.array([0, 0, 1.5, 0.2, 2.0, 0.6, 0.9, 0.7])
-    plain, swung, fit = np.zeros((40, 8)), np.zeros((40, 8)), np.zeros(FIT_DIM)
-    pr.predict_future(state, pr.CTRV_ACCELERATION, 0.8, 0.05, plain)
-    pr.predict_swing(state, fit, 0.8, 0.05, swung)
+    plain, swung, fit = np.zeros((40, 8)), np.zeros((40, 8)), np.zeros(oscillation_row.DIM)
+    pr.predict_future(state, 0.8, 0.05, plain)
+    pr.predict_oscillation(state, fit, 0.8, 0.05, swung)
     assert swung[:, 4] == pytest.approx(plain[:, 4], abs=1e-9)
     fit[:4] = (2 * math.pi / 3.0, 0.75, 0.0, 1.0)  # a maximum now
-    pr.predict_swing(state, fit, 0.8, 0.05, swung)
+    pr.predict_oscillation(state, fit, 0.8, 0.05, swung)
     assert swung[30, 4] == pytest.approx(2.0 - 1.5, abs=1e-6)  # the minimum half a period later
     assert swung[30, 5] / swung[30, 4] == pytest.approx(0.3, abs=1e-6)

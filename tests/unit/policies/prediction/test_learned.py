@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from policies.estimation.ctrv import advance_state
 from policies.prediction import learned as pd
-from policies.prediction.future import CTRV, HORIZON, STEP, predict_future
+from policies.prediction import net_row, past_row, scratch_row
+from policies.prediction.future import HORIZON, STEP, predict_future
 
 
 def drive(history, heading=0.3, x=1.0, y=-2.0, speed=1.5, turn=0.4, ticks=300, age=0.05, mirror=1.0):
@@ -22,19 +23,23 @@ def drive(history, heading=0.3, x=1.0, y=-2.0, speed=1.5, turn=0.4, ticks=300, a
 
 def random_net(seed=0, gate=(0.3, 0.7, 0.8, 1.6, 0.0), gain=0.05):
     rng = np.random.default_rng(seed)
-    shapes = [(pd.INPUTS, pd.HIDDEN1), (pd.HIDDEN1, pd.HIDDEN2), (pd.HIDDEN2, pd.OUTPUTS)]
+    shapes = [
+        (net_row.INPUTS, net_row.HIDDEN1),
+        (net_row.HIDDEN1, net_row.HIDDEN2),
+        (net_row.HIDDEN2, net_row.OUTPUTS),
+    ]
     return pd.pack_network([(gain * rng.standard_normal(s), gain * rng.standard_normal(s[1])) for s in shapes], gate)
 
 
 def predict(net, history, row, t, age=0.05):
-    future, scratch = np.zeros((HORIZON, 8)), np.zeros(pd.SCRATCH_DIM, np.float32)
-    predict_future(row, CTRV, 0.5, STEP, future)
+    future, scratch = np.zeros((HORIZON, 8)), np.zeros(scratch_row.DIM, np.float32)
+    predict_future(row, 0.5, STEP, future)
     found = pd.predict_learned(history, t, row, 0.01, 0.1, age, 40.0, STEP, net, scratch, 1.0, future)
     return future, found
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
-def test_a_turned_and_shifted_drive_is_foretold_turned_and_shifted(angle, dx, dy):
+def test_prediction_is_equivariant_to_rotation_and_translation(angle, dx, dy):
     one, two, net = np.zeros(pd.HISTORY_DIM), np.zeros(pd.HISTORY_DIM), random_net()
     here, _ = predict(net, one, *drive(one, heading=0.0, x=0.0, y=0.0))
     there, _ = predict(net, two, *drive(two, heading=angle, x=dx, y=dy))
@@ -55,13 +60,13 @@ def test_rows_agree_with_their_own_speeds_and_turn_rates():
     np.testing.assert_allclose(np.diff(future[:, 3]) / STEP, 0.5 * (future[1:, 5] + future[:-1, 5]), atol=1e-9)
 
 
-def test_silent_network_on_a_circle_gives_the_circle():
+def test_zero_network_on_a_circle_predicts_the_circle():
     history = np.zeros(pd.HISTORY_DIM)
     row = np.array([0.0, 0.0, 1.5, 0.0, 2.0, 0.8, 0.3, 0.0])
     for k in range(200):
         pd.predictor_push(history, 0.01 * k, row, 0.05)
     future, _ = predict(
-        np.append(np.zeros(pd.NET_DIM - 5), (0.3, 0.7, 0.8, 1.6, 0)).astype(np.float32), history, row, 2
+        np.append(np.zeros(net_row.DIM - 5), (0.3, 0.7, 0.8, 1.6, 0)).astype(np.float32), history, row, 2
     )
     angle = 0.8 * STEP * np.arange(HORIZON)
     np.testing.assert_allclose(future[:, 0], 2.5 * np.sin(angle), atol=1e-3)
@@ -69,25 +74,25 @@ def test_silent_network_on_a_circle_gives_the_circle():
 
 
 @pytest.mark.parametrize(("ticks", "age"), [(20, 0.05), (300, 1.7)])
-def test_without_history_or_long_blind_the_analytic_rows_are_left_alone(ticks, age):
+def test_analytic_rows_are_kept_without_history_or_after_a_long_gap(ticks, age):
     history = np.zeros(pd.HISTORY_DIM)
     row, t = drive(history, ticks=ticks)
     wanted = np.zeros((HORIZON, 8))
-    predict_future(row, CTRV, 0.5, STEP, wanted)
+    predict_future(row, 0.5, STEP, wanted)
     future, found = predict(random_net(2), history, row, t, age)
     assert found == (0.0, 0.0)
     np.testing.assert_array_equal(future, wanted)
 
 
-def test_trust_grows_without_a_step():
+def test_trust_is_continuous():
     history, net, last, row = np.zeros(pd.HISTORY_DIM), random_net(), 0.0, np.zeros(8)
     for k in range(150):
         pd.predictor_push(history, 0.01 * k, row, 0.05)
-        trust = pd.predictor_gate(net, history, 0.05)
+        trust = pd.predictor_trust(net, history, 0.05)
         assert last <= trust <= last + 0.13
         last = trust
     assert last == 1.0
-    aged = [pd.predictor_gate(net, history, age) for age in np.arange(0.0, 2.0, 0.05)]
+    aged = [pd.predictor_trust(net, history, age) for age in np.arange(0.0, 2.0, 0.05)]
     assert aged[0] == 1.0 and aged[-1] == 0.0 and max(-np.diff(aged)) < 0.07
 
 
@@ -95,19 +100,19 @@ def test_history_is_even_and_a_gap_clears_it():
     history, row = np.zeros(pd.HISTORY_DIM), np.ones(8)
     for k in range(101):
         pd.predictor_push(history, 0.01 * k, row, 0.0)
-    assert history[pd.H_COUNT] == 21
+    assert history[past_row.COUNT] == 21
     pd.predictor_push(history, 1.7, row, 0.0)
-    assert history[pd.H_COUNT] == 1
+    assert history[past_row.COUNT] == 1
     for k in range(2000):
         pd.predictor_push(history, 1.7 + 0.01 * k, row, 0.0)
-    assert history[pd.H_COUNT] == pd.LENGTH
+    assert history[past_row.COUNT] == pd.LENGTH
     pd.predictor_push(history, 0.0, row, 0.0)  # time of a new attempt
-    assert history[pd.H_COUNT] == 1
+    assert history[past_row.COUNT] == 1
 
 
 def test_interpolation_is_exact_at_the_knots():
     spread = pd.interpolation()
-    values = np.random.default_rng(0).standard_normal(pd.K)
+    values = np.random.default_rng(0).standard_normal(net_row.KNOTS)
     at = np.interp(np.arange(HORIZON) * STEP, pd.KNOTS, values)
     np.testing.assert_allclose(values @ spread, at, atol=1e-12)
 
@@ -129,7 +134,7 @@ def test_files_are_checked(tmp_path):
     np.savez(tmp_path / "nan.npz", version=pd.VERSION, knots=np.array(pd.KNOTS), net=net)
     with pytest.raises(ValueError, match="finite"):
         pd.load_predictor(tmp_path / "nan.npz")
-    with pytest.raises(ValueError, match="gate"):
+    with pytest.raises(ValueError, match="trust"):
         random_net(gate=(0.5, 0.3, 0.1, 0.2, 0.0))
     with pytest.raises(ValueError, match="layers"):
         pd.pack_network([(np.zeros((3, 2)), np.zeros(2))] * 3, (0.3, 0.7, 0.8, 1.6, 0.0))
@@ -137,4 +142,4 @@ def test_files_are_checked(tmp_path):
 
 def test_committed_weights_are_small():
     assert pd.CHECKPOINT.stat().st_size < 500_000
-    assert pd.load_predictor().shape == (pd.NET_DIM,)
+    assert pd.load_predictor().shape == (net_row.DIM,)

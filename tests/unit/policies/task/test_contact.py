@@ -6,8 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from policies.task import contact as c
+from policies.task import result_row
+from vehicle.quadrotor.airframe import load_airframe
 
 RULES = c.ContactRules()
+DISC = load_airframe("paper_quad").contact
 
 
 def board(inclination=0.0, heading=0.0, speed=0.0, turn_rate=0.0, at=(0.0, 0.0, 1.5)):
@@ -32,10 +35,10 @@ def aligned(board):
 def touch(board, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elapsed=1.0, rules=RULES):
     up, left, n = axes(board)
     car = board[4] * np.array([math.cos(board[3]), math.sin(board[3]), 0.0])
-    p = board[:3] + x * up + y * left + (rules.robot_l - depth) * n
+    p = board[:3] + x * up + y * left + (DISC.magnet_below - depth) * n
     v = car + normal * n + along * up
-    out = np.zeros(c.RESULT_DIM)
-    code = c.evaluate(p, v, aligned(board) if q is None else q, np.zeros(3), board, elapsed, rules.row(), out)
+    out = np.zeros(result_row.DIM)
+    code = c.evaluate(p, v, aligned(board) if q is None else q, np.zeros(3), board, elapsed, rules.row(DISC), out)
     return code, c.view(out)
 
 
@@ -44,7 +47,7 @@ def touch(board, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elap
     st.floats(0.0, 1.4), st.floats(-3.1, 3.1), st.floats(-3.0, 3.0),
     st.floats(-0.13, 0.13), st.floats(-0.13, 0.13), st.floats(-1.2, -0.2), st.floats(-0.5, 0.5),
 )  # fmt: skip
-def test_an_aligned_touch_is_a_success_and_is_measured_in_the_board_frame(th, psi, speed, x, y, normal, along):
+def test_aligned_contact_is_a_success_measured_in_the_board_frame(th, psi, speed, x, y, normal, along):
     code, seen = touch(board(th, psi, speed), x, y, normal=normal, along=along)
     assert code == c.SUCCESS and seen.within_tolerance and seen.attached and seen.outcome == "success"
     assert (seen.x, seen.y, seen.normal_speed) == pytest.approx((x, y, normal), abs=1e-9)
@@ -54,16 +57,16 @@ def test_an_aligned_touch_is_a_success_and_is_measured_in_the_board_frame(th, ps
     assert seen.height == pytest.approx(-0.002, abs=1e-6)
 
 
-def test_above_the_plane_is_ongoing_and_a_tilted_disc_touches_with_its_edge():
+def test_contact_begins_at_the_lowest_point_of_a_tilted_disc():
     flat = board()
     assert touch(flat, depth=-0.01)[0] == c.ONGOING
     tilt = 0.3
     q = np.array([math.cos(tilt / 2), 0.0, math.sin(tilt / 2), 0.0])
-    lowest = RULES.robot_l * math.cos(tilt) + RULES.robot_r * math.sin(tilt)
-    out = np.zeros(c.RESULT_DIM)
+    lowest = DISC.magnet_below * math.cos(tilt) + DISC.footprint_radius * math.sin(tilt)
+    out = np.zeros(result_row.DIM)
     for gap, expected in ((0.001, c.ONGOING), (-0.001, c.FAIL)):
         p = flat[:3] + np.array([0.0, 0.0, lowest + gap])
-        assert c.evaluate(p, np.array([0, 0, -0.5]), q, np.zeros(3), flat, 0.5, RULES.row(), out) == expected
+        assert c.evaluate(p, np.array([0, 0, -0.5]), q, np.zeros(3), flat, 0.5, RULES.row(DISC), out) == expected
     assert c.view(out).reason == "alignment" and c.view(out).normal_error == pytest.approx(tilt)
 
 
@@ -74,7 +77,7 @@ def test_above_the_plane_is_ongoing_and_a_tilted_disc_touches_with_its_edge():
         ({"y": 0.25}, "distance", False),
         ({"along": 0.65}, "tangential_speed", True),
         ({"along": 0.9}, "tangential_speed", False),
-        ({"depth": RULES.robot_l + 0.1}, "behind", False),
+        ({"depth": DISC.magnet_below + 0.1}, "behind", False),
         ({"elapsed": 5.01}, "time", False),
     ],
 )
@@ -83,52 +86,56 @@ def test_each_broken_rule_has_its_reason(kwargs, reason, attached):
     assert code == c.FAIL and seen.reason == reason and seen.attached is attached and not seen.within_tolerance
 
 
-def test_a_hard_hit_is_a_success_of_the_paper_but_does_not_stick():
+def test_hard_contact_is_within_tolerance_but_not_attached():
     code, seen = touch(board(0.5), normal=-2.0)
     assert code == c.SUCCESS and seen.within_tolerance and not seen.attached
 
 
 def test_violations_come_before_contact_and_not_finite_is_a_failure():
-    out = np.zeros(c.RESULT_DIM)
+    out = np.zeros(result_row.DIM)
     level = np.array([1.0, 0.0, 0.0, 0.0])
     for p, reason in (
         ((0.0, 0.0, 0.1), "ground"), ((61.0, 0.0, 2.0), "workspace"), ((0.0, 0.0, 9.0), "workspace"),
         ((math.nan, 0.0, 2.0), "not_finite"),
     ):  # fmt: skip
-        assert c.evaluate(np.array(p), np.zeros(3), level, np.zeros(3), board(), 0.0, RULES.row(), out) == c.FAIL
+        assert c.evaluate(np.array(p), np.zeros(3), level, np.zeros(3), board(), 0.0, RULES.row(DISC), out) == c.FAIL
         assert c.view(out).reason == reason
 
 
 def test_far_below_the_plane_but_out_of_reach_is_not_contact():
-    out = np.zeros(c.RESULT_DIM)
+    out = np.zeros(result_row.DIM)
     level = np.array([1.0, 0.0, 0.0, 0.0])
     p = np.array([0.0, 0.0, 0.9])
-    assert c.evaluate(p, np.zeros(3), level, np.zeros(3), board(), 0.0, RULES.row(), out) == c.ONGOING
+    assert c.evaluate(p, np.zeros(3), level, np.zeros(3), board(), 0.0, RULES.row(DISC), out) == c.ONGOING
     p[2] = 1.15
-    assert c.evaluate(p, np.zeros(3), level, np.zeros(3), board(), 0.0, RULES.row(), out) == c.FAIL
+    assert c.evaluate(p, np.zeros(3), level, np.zeros(3), board(), 0.0, RULES.row(DISC), out) == c.FAIL
     assert c.view(out).reason == "behind"
 
 
-def test_speeds_account_for_the_turning_board_and_the_turning_drone():
+def test_contact_speed_includes_both_turn_rates():
     board_row = board(speed=1.0, turn_rate=1.0)
     x = 0.1
-    p = board_row[:3] + np.array([x, 0.0, RULES.robot_l - 0.001])
+    p = board_row[:3] + np.array([x, 0.0, DISC.magnet_below - 0.001])
     level = np.array([1.0, 0.0, 0.0, 0.0])
-    out = np.zeros(c.RESULT_DIM)
-    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 0.0, 1.0]), board_row, 0.0, RULES.row(), out)
+    out = np.zeros(result_row.DIM)
+    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 0.0, 1.0]), board_row, 0.0, RULES.row(DISC), out)
     assert c.view(out).tangential_speed == pytest.approx(0.0, abs=1e-12)
-    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 2.0, 0.0]), board_row, 0.0, RULES.row(), out)
-    assert c.view(out).tangential_speed == pytest.approx(2.0 * RULES.robot_l)
+    c.evaluate(p, np.array([1.0, x, -0.4]), level, np.array([0.0, 2.0, 0.0]), board_row, 0.0, RULES.row(DISC), out)
+    assert c.view(out).tangential_speed == pytest.approx(2.0 * DISC.magnet_below)
 
 
 def test_the_bonus_is_one_at_perfection_and_zero_at_the_tolerances():
-    rules, out = RULES.row(), np.zeros(c.RESULT_DIM)
+    rules, out = RULES.row(DISC), np.zeros(result_row.DIM)
     assert c.accuracy_bonus(out, rules) == pytest.approx(1.0)
-    out[c.PLANAR], out[c.TANGENTIAL_SPEED], out[c.NORMAL_ERROR] = RULES.delta_d, RULES.delta_v, RULES.delta_theta
+    out[result_row.PLANAR], out[result_row.TANGENTIAL_SPEED], out[result_row.NORMAL_ERROR] = (
+        RULES.delta_d,
+        RULES.delta_v,
+        RULES.delta_theta,
+    )
     assert c.accuracy_bonus(out, rules) == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("bad", [{"delta_d": 0.0}, {"robot_r": math.nan}, {"magnet_normal_min": 2.0}])
+@pytest.mark.parametrize("bad", [{"delta_d": 0.0}, {"board_r": math.nan}, {"magnet_normal_min": 2.0}])
 def test_bad_rules_are_refused_by_name(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
         c.ContactRules(**bad)

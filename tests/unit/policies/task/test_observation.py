@@ -7,17 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from policies.task import entry_row, tail_row
 from policies.task.observation import (
-    ENTRY_DIM,
     HISTORY,
     NEWEST,
     OBS_DIM,
     RATE_MAX,
     TAIL,
-    TAIL_ACTION,
-    TAIL_GAIN,
-    TAIL_R,
-    TAIL_RHO,
     ObservationBuilder,
     action_from_command,
     build_observation,
@@ -62,16 +58,16 @@ def test_newest_entry_by_hand():
     v = 2.0 * np.array([math.cos(0.5), math.sin(0.5)])
     expected = [0.0, -2.0, -1.0, n[1], -n[0], n[2], v[1], -v[0], 0.3, 0.0]
     assert out[NEWEST:TAIL] == pytest.approx(expected, abs=1e-6)
-    assert out[TAIL + TAIL_RHO] == pytest.approx(0.4)
-    assert out[TAIL + TAIL_ACTION : TAIL + TAIL_GAIN] == pytest.approx([0.1, 0.2, 0.3, 0.4])
-    assert out[TAIL + TAIL_GAIN :] == pytest.approx([1.1, 0.3, 0.02])
-    assert out[TAIL + TAIL_R : TAIL + TAIL_R + 9] == pytest.approx(np.eye(3).ravel(), abs=1e-6)
+    assert out[TAIL + tail_row.RHO] == pytest.approx(0.4)
+    assert out[TAIL + tail_row.ACTION : TAIL + tail_row.GAIN] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert out[TAIL + tail_row.GAIN :] == pytest.approx([1.1, 0.3, 0.02])
+    assert out[TAIL + tail_row.R : TAIL + tail_row.R + 9] == pytest.approx(np.eye(3).ravel(), abs=1e-6)
 
 
 def test_oldest_entry_repeats_until_the_ring_is_full():
     boards = [BOARD + 0.02 * i * AHEAD for i in range(4)]
     out = observe(boards, np.zeros(3), np.zeros(3), quaternion(0, 0, 0)).astype(float)
-    entries = out[:TAIL].reshape(HISTORY, ENTRY_DIM)
+    entries = out[:TAIL].reshape(HISTORY, entry_row.DIM)
     assert entries[0] == pytest.approx(entries[26])
     assert entries[26:, 0] == pytest.approx([3.0, 3.02, 3.04, 3.06], abs=1e-6)
     assert entries[:, 9] == pytest.approx([-0.03] * 27 + [-0.02, -0.01, 0.0], abs=1e-6)
@@ -81,9 +77,9 @@ def test_oldest_entry_repeats_until_the_ring_is_full():
 def test_stride_spaces_the_entries(stride):
     boards = [BOARD + 0.001 * i * AHEAD for i in range(700)]
     out = observe(boards, np.zeros(3), np.zeros(3), quaternion(0, 0, 0), stride=stride)
-    times = out[:TAIL].reshape(HISTORY, ENTRY_DIM)[:, 9]
+    times = out[:TAIL].reshape(HISTORY, entry_row.DIM)[:, 9]
     assert times == pytest.approx(-0.01 * stride * np.arange(HISTORY - 1, -1, -1), abs=1e-5)
-    x = out[:TAIL].reshape(HISTORY, ENTRY_DIM)[:, 0]
+    x = out[:TAIL].reshape(HISTORY, entry_row.DIM)[:, 0]
     assert x == pytest.approx(3.0 + 0.001 * (699 - stride * np.arange(HISTORY - 1, -1, -1)), abs=1e-5)
 
 
@@ -93,7 +89,7 @@ def test_stride_spaces_the_entries(stride):
     attitude=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.4, 1.4), st.floats(-3.1, 3.1)),
 )
 @settings(max_examples=60)
-def test_blind_to_north_and_origin(turn, shift, attitude):
+def test_observation_is_invariant_to_yaw_and_origin(turn, shift, attitude):
     """Turning and moving the whole world leaves the observation as it is."""
     p, v = np.array([1.0, 2.0, 3.0]), np.array([0.5, -1.0, 0.2])
     q = quaternion(*attitude)
@@ -110,14 +106,14 @@ def test_blind_to_north_and_origin(turn, shift, attitude):
     assert after == pytest.approx(before, abs=2e-5)
 
 
-def test_yaw_survives_a_steep_flare():
+def test_yaw_is_continuous_in_a_steep_flare():
     for pitch in np.linspace(-1.55, 1.55, 21):
         c, s = yaw_axes(quaternion(0.0, pitch, 0.8))
         assert math.atan2(s, c) == pytest.approx(0.8, abs=1e-6)
     assert yaw_axes(quaternion(math.pi / 2, 0.0, 0.0)) == (1.0, 0.0)
 
 
-def test_builder_gives_the_kernel_s_numbers():
+def test_builder_equals_the_kernel():
     rng = np.random.default_rng(1)
     builder, start_ns = ObservationBuilder(stride=3), 987_654_321_000_000_000
     row, out = np.zeros(history_dim(3)), np.zeros(OBS_DIM, dtype=np.float32)
@@ -140,13 +136,13 @@ def test_between_two_steps_the_newest_entry_is_renewed():
         now_ns = start_ns + ms * 1_000_000
         assert builder.push(now_ns, BOARD + ms, between)
         out = builder.build(now_ns, p, p, q, 1.0, action)
-        history = out[:TAIL].reshape(HISTORY, ENTRY_DIM)
+        history = out[:TAIL].reshape(HISTORY, entry_row.DIM)
         assert history[-1, 0] == pytest.approx(BOARD[0] + ms)
         times.append(sorted({round(float(1000 * t)) for t in history[:, 9]}))
     assert times == [[0], [-10, 0], [-16, 0], [-20, -4, 0]]
 
 
-def test_bad_input():
+def test_invalid_input_is_refused():
     builder = ObservationBuilder(stride=1)
     p, q, a = np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros(4)
     with pytest.raises(ValueError, match="push"):
@@ -169,7 +165,7 @@ def test_action_scaling_round_trip(action):
     assert back == pytest.approx(action, abs=1e-9)
 
 
-def test_action_clips():
+def test_action_is_clipped():
     command = np.zeros(4)
     command_from_action(np.array([2.0, -2.0, 0.5, 7.0]), command)
     assert command == pytest.approx([RATE_MAX, -RATE_MAX, 0.5 * RATE_MAX, 14.8])

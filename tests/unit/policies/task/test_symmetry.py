@@ -9,6 +9,7 @@ from policies.network.actor_critic import Actor, NetworkConfig
 from policies.task.observation import OBS_DIM, build_observation, command_from_action, history_dim, push_history
 from policies.task.symmetry import ACTION_SIGNS, OBSERVATION_SIGNS
 from vehicle.quadrotor import dynamics as d
+from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import load_airframe
 from vehicle.quadrotor.rate_control import fly
 
@@ -32,7 +33,7 @@ def observed(signs, seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
+def test_observation_of_a_reflected_scene_has_the_reflected_signs(seed):
     ones = (np.ones(3), np.ones(4), np.ones(8), np.ones(4))
     seen = observed(ones, seed)
     image = observed((VECTOR, TURN, BOARD, np.array(ACTION_SIGNS)), seed)
@@ -40,7 +41,7 @@ def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
     assert np.abs(image - seen).max() > 0.1
 
 
-def test_the_vehicle_flies_the_mirror_image_under_mirrored_actions():
+def test_reflected_actions_fly_the_reflected_path():
     rng, params = np.random.default_rng(2), load_airframe("paper_quad").params_row()
     row, command = d.vehicle_row((0.0, 0.0, 2.0), motor=0.4), np.zeros(4)
     image = row.copy()
@@ -49,13 +50,19 @@ def test_the_vehicle_flies_the_mirror_image_under_mirrored_actions():
         for each, signs in ((row, np.ones(4)), (image, np.array(ACTION_SIGNS))):
             command_from_action(signs * action, command)
             fly(each, command, params, 0.01, 5)
-    np.testing.assert_allclose(image[d.P : d.P + 3], VECTOR * row[d.P : d.P + 3], atol=1e-9)
-    np.testing.assert_allclose(image[d.V : d.V + 3], VECTOR * row[d.V : d.V + 3], atol=1e-9)
-    np.testing.assert_allclose(image[d.Q : d.Q + 4], TURN * row[d.Q : d.Q + 4], atol=1e-9)
-    assert abs(row[d.P + 1]) > 0.01
+    np.testing.assert_allclose(
+        image[state_row.P : state_row.P + 3], VECTOR * row[state_row.P : state_row.P + 3], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        image[state_row.V : state_row.V + 3], VECTOR * row[state_row.V : state_row.V + 3], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        image[state_row.Q : state_row.Q + 4], TURN * row[state_row.Q : state_row.Q + 4], atol=1e-9
+    )
+    assert abs(row[state_row.P + 1]) > 0.01
 
 
-def test_a_mirrored_actor_does_the_mirror_image_and_another_does_not():
+def test_symmetric_actor_is_equivariant_and_a_plain_one_is_not():
     def broken(mirrored):
         torch.manual_seed(3)
         actor, observation = Actor(NetworkConfig(mirrored=mirrored)), torch.randn(32, OBS_DIM)

@@ -67,7 +67,7 @@ def test_search_region_is_smaller_with_a_prior_and_holds_the_board():
     assert predicted_region(CAMERA, BOARD, R, p + np.array([9.0, 0.0, 0.0])) == []
 
 
-def test_a_wrong_prior_is_given_up_after_seven_misses():
+def test_wrong_prior_is_dropped_after_seven_misses():
     vehicle, board = view(2.0)
     R, p, up = board_in_camera(vehicle, board)
     picture, d = RENDERER.render(vehicle, board, 0, 0), detector()
@@ -91,7 +91,7 @@ def test_the_search_around_a_prior_grows_with_every_miss_and_never_costs_more_th
     assert d.detect(picture, aside, up).found
 
 
-def test_a_board_expected_out_of_the_picture_is_looked_for_in_one_picture_of_eight():
+def test_board_expected_outside_the_picture_is_searched_in_one_picture_of_eight():
     vehicle, board = view(2.0)
     R, p, up = board_in_camera(vehicle, board)
     outside = (R, p + np.array([9.0, 0.0, 0.0]))
@@ -101,7 +101,7 @@ def test_a_board_expected_out_of_the_picture_is_looked_for_in_one_picture_of_eig
     assert any(d.detect(picture, outside, up).found for _ in range(8))
 
 
-def test_near_the_board_where_the_small_tags_are_is_looked_first():
+def test_small_tags_are_searched_first_near_the_board():
     vehicle, board = view(0.33)
     R, p, _ = board_in_camera(vehicle, board)
     near, wide = predicted_region(CAMERA, BOARD, R, p)[:2]
@@ -113,7 +113,7 @@ def test_near_the_board_where_the_small_tags_are_is_looked_first():
     assert near.decimate == wide.decimate
 
 
-def test_a_board_long_out_of_sight_is_looked_for_in_one_picture_of_three_and_found_by_the_third():
+def test_lost_board_is_searched_in_one_picture_of_three():
     vehicle, board = view(2.0)
     picture, d = RENDERER.render(vehicle, board, 0, 0), detector()
     empty = np.full_like(picture, 128)
@@ -125,7 +125,7 @@ def test_a_board_long_out_of_sight_is_looked_for_in_one_picture_of_three_and_fou
 
 
 @pytest.mark.parametrize("value", [0, 128, 255])
-def test_an_empty_picture_shows_nothing(value):
+def test_no_detection_in_an_empty_picture(value):
     d = detector()
     result = d.detect(np.full((720, 1280), value, np.uint8))
     assert (result.found, result.reason) == (False, "no tag")
@@ -133,7 +133,7 @@ def test_an_empty_picture_shows_nothing(value):
     assert d.outcomes["no tag"] == 1
 
 
-def test_noise_shows_nothing():
+def test_no_detection_in_noise():
     picture = np.random.default_rng(1).integers(0, 256, (720, 1280), dtype=np.uint8)
     assert not detector().detect(picture).found
 
@@ -177,7 +177,7 @@ def test_wrong_pictures_are_refused():
 
 
 @pytest.mark.parametrize("sensor", [Sensor(gain=0.15), Sensor(read_noise=15.0)])
-def test_poor_light_is_read(sensor):
+def test_tags_are_read_in_poor_light(sensor):
     vehicle, board = view(2.0)
     R, p, up = board_in_camera(vehicle, board)
     result = detector().detect(Renderer(CAMERA, BOARD, 1, sensor).render(vehicle, board, 0, 0), (R, p), up)
@@ -215,7 +215,7 @@ def test_covariance_is_that_of_repeated_fits():
     assert turns.std(axis=0) == pytest.approx(np.sqrt(np.diag(predicted)), rel=0.25)
 
 
-def test_mirrored_pose_is_settled_by_prior_or_by_up():
+def test_prior_or_up_selects_between_mirrored_poses():
     """From afar both explanations of four corners fit; the prior or the horizon decides."""
     vehicle, board = view(6.0, 20.0)
     R, p, up = board_in_camera(vehicle, board)
@@ -236,7 +236,7 @@ def test_mirrored_pose_is_settled_by_prior_or_by_up():
 
 
 @pytest.mark.parametrize("turned_deg", [-80.0, -50.0, 50.0, 80.0])
-def test_a_prior_that_went_astray_does_not_blind_the_detector(turned_deg):
+def test_detector_recovers_from_a_wrong_prior(turned_deg):
     """As Normal-I's seed 306 ended: the board came back into the picture, but a belief that had turned on by 50 deg
     chose its mirror image, whose residual was too large, until the board was out of the picture again."""
     vehicle, board = view(5.0, 40.0)
@@ -250,7 +250,7 @@ def test_a_prior_that_went_astray_does_not_blind_the_detector(turned_deg):
         assert float(result.R[:, 2] @ R[:, 2]) > math.cos(math.radians(6.0))
 
 
-def test_straight_behind_a_sharp_picture_tells_which_of_two_level_boards_it_is():
+def test_reprojection_error_selects_the_pose_straight_behind_the_board():
     """As Simple-I's seed 207 begins: neither prior nor horizon can tell, and the drone hovers until something does."""
     found = 0
     for k in range(20):
@@ -265,7 +265,7 @@ def test_straight_behind_a_sharp_picture_tells_which_of_two_level_boards_it_is()
     assert found >= 10
 
 
-def test_mirrored_pose_is_settled_by_the_horizon():
+def test_horizon_selects_between_mirrored_poses():
     """A board that faces to one side: mirrored about the line of sight its y axis would not be horizontal."""
     vehicle, board = view(6.0, 5.0)
     board[6:10] = from_matrix(rotation_from_car(0.45, math.radians(50.0)))

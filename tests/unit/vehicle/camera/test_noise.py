@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from kernel.random import stream
+from vehicle.camera import bias_row, detection_row, noise_row
 from vehicle.camera import noise as n
 from vehicle.camera.pinhole import Camera, optical_from_world, world_from_optical
 
@@ -21,7 +22,7 @@ def scene(distance=3.0, off_axis=0.2):
 
 def observe_many(count, noise=PAPER, scale=1.0, bias=NO_BIAS, speed=2.0):
     p, q, direction = scene()
-    rng, out = stream(7, 1), np.zeros((count, n.OBS_DIM))
+    rng, out = stream(7, 1), np.zeros((count, detection_row.DIM))
     velocity = np.array([speed, 0.0, 0.0])
     for i in range(count):
         n.observe_board(np.zeros(3), VEHICLE_Q, velocity, p, q, np.zeros(3), CAM, noise, scale, bias, rng, out[i])
@@ -43,7 +44,7 @@ def test_scaling_is_the_papers_formula():
 def test_position_noise_has_the_moments_it_predicts_in_the_optical_frame():
     p, _, _, out = observe_many(6000)
     errors = np.array([optical_from_world(VEHICLE_Q, *e, CAM) for e in out[:, :3] - p])
-    lateral, depth = out[0, n.OBS_SIGMA_LATERAL], out[0, n.OBS_SIGMA_DEPTH]
+    lateral, depth = out[0, detection_row.SIGMA_LATERAL], out[0, detection_row.SIGMA_DEPTH]
     assert np.allclose(errors.std(axis=0), [lateral, lateral, depth], rtol=0.03)
     assert np.all(np.abs(errors.mean(axis=0)) < 4 * errors.std(axis=0) / math.sqrt(len(errors)))
     correlation = np.corrcoef(errors.T) - np.eye(3)
@@ -54,7 +55,7 @@ def test_position_noise_has_the_moments_it_predicts_in_the_optical_frame():
 def test_rotation_noise_is_a_gaussian_angle_about_a_uniform_axis():
     _, _, _, out = observe_many(6000)
     angle = 2 * np.arctan2(np.linalg.norm(out[:, 4:7], axis=1), np.abs(out[:, 3]))
-    sigma = out[0, n.OBS_SIGMA_ROTATION]
+    sigma = out[0, detection_row.SIGMA_ROTATION]
     assert math.sqrt(np.mean(angle**2)) == pytest.approx(sigma, rel=0.03)
     assert np.mean(angle) == pytest.approx(sigma * math.sqrt(2 / math.pi), rel=0.03)  # half-normal
     axis = out[:, 4:7] / np.linalg.norm(out[:, 4:7], axis=1)[:, None]
@@ -73,7 +74,7 @@ def test_without_noise_the_truth_comes_back_plus_bias():
 
 
 def test_bias_moments():
-    rng, bias = stream(3), np.zeros(n.BIAS_DIM)
+    rng, bias = stream(3), np.zeros(bias_row.DIM)
     rows = []
     for _ in range(4000):
         n.draw_bias(PAPER, 1.0, rng, bias)
@@ -93,12 +94,12 @@ def test_measured_noise_is_far_below_the_papers_and_has_no_bias():
     measured = n.predicted_sigmas(*condition, n.measured_noise(), 1.0)
     paper = n.predicted_sigmas(*condition, PAPER, 1.0)
     assert all(0.0 < m < 0.1 * p for m, p in zip(measured, paper, strict=True))
-    bias = np.zeros(n.BIAS_DIM)
+    bias = np.zeros(bias_row.DIM)
     n.draw_bias(n.measured_noise(), 1.0, stream(1), bias)
     assert np.array_equal(bias, NO_BIAS)
 
 
 def test_rows_have_their_documented_length():
-    assert PAPER.shape == n.measured_noise().shape == (n.NOISE_DIM,)
+    assert PAPER.shape == n.measured_noise().shape == (noise_row.DIM,)
     with pytest.raises(IndexError):
-        PAPER[n.NOISE_DIM]
+        PAPER[noise_row.DIM]

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundcar.board.layout import Board, BoardTag
+from vehicle.camera import camera_row
 from vehicle.camera import pinhole as c
 
 CAM = c.Camera()
@@ -129,7 +130,7 @@ def test_a_tag_ahead_counts_though_the_board_s_centre_is_behind_the_camera():
 
 
 def test_a_board_of_too_many_tags_is_refused():
-    tags = [BoardTag(i, 0.0336, 0.0, 0.0) for i in range(c.MOST_TAGS + 1)]
+    tags = [BoardTag(i, 0.0336, 0.0, 0.0) for i in range(camera_row.MOST_TAGS + 1)]
     with pytest.raises(ValueError, match="17 tags"):
         CAM.row(Board(tags=tuple(tags)))
 

@@ -27,7 +27,7 @@ def test_constant_acceleration_and_turning_are_found_exactly(velocity, accelerat
     assert found[1] == pytest.approx((0.0, 0.0, turn), abs=1e-6), "about the body's own axis"
 
 
-def test_the_sign_of_a_quaternion_says_nothing():
+def test_motion_is_independent_of_the_quaternion_s_sign():
     motion, found = BodyMotion(), None
     for k in range(8):
         q = from_rotation_vector(0.0, 0.01 * k, 0.0)
@@ -35,14 +35,14 @@ def test_the_sign_of_a_quaternion_says_nothing():
     assert found[1] == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
 
 
-def test_it_stands_still_until_it_is_known_to_move():
+def test_motion_is_zero_before_three_poses():
     motion = BodyMotion()
     assert motion.add(0, (0.0, 0.0, 0.0), LEVEL) == ((0.0,) * 3, (0.0,) * 3)
     assert motion.add(10 * MS, (1.0, 0.0, 0.0), LEVEL) == ((0.0,) * 3, (0.0,) * 3)
     assert motion.add(20 * MS, (2.0, 0.0, 0.0), LEVEL)[0] == pytest.approx((100.0, 0.0, 0.0))
 
 
-def test_what_was_seen_before_a_gap_does_not_count():
+def test_poses_before_a_gap_are_dropped():
     motion = BodyMotion()
     for k in range(8):
         motion.add(k * 10 * MS, (0.01 * k, 0.0, 0.0), LEVEL)
@@ -58,7 +58,7 @@ def test_what_was_seen_before_a_gap_does_not_count():
         (20 * MS, (0.0, 0.0, 0.0), LEVEL),  # no newer than the last
     ],
 )
-def test_what_is_no_new_pose_is_rejected_and_does_no_harm(stamp, position, orientation):
+def test_invalid_and_old_poses_are_refused_without_effect(stamp, position, orientation):
     motion = BodyMotion()
     for k in range(3):
         motion.add(k * 10 * MS, (0.01 * k, 0.0, 0.0), LEVEL)

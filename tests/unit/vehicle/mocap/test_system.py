@@ -28,7 +28,7 @@ def test_noise_is_as_stated_and_unbiased():
     assert abs(turns.mean(axis=0)).max() < 4 * noise.orientation / math.sqrt(count)
 
 
-def test_it_is_as_good_as_a_real_one():
+def test_mocap_noise_is_that_of_a_real_system():
     seen = samples(200)
     assert max(math.dist(sample[0], STATE[0]) for sample in seen) < 0.002
     assert max(angle_between(sample[2], STATE[2]) for sample in seen) < math.radians(0.4)

@@ -7,6 +7,7 @@ import pytest
 
 from kernel import rotations as rot
 from vehicle.quadrotor import airframe as af
+from vehicle.quadrotor import airframe_row, state_row
 from vehicle.quadrotor import dynamics as d
 
 PAPER = af.load_airframe("paper_quad").params_row()
@@ -15,8 +16,8 @@ DT = 0.002
 
 def free_of_air(params=PAPER):
     row = params.copy()
-    row[af.DRAG : af.DRAG + 3] = 0.0
-    row[af.ANGULAR_DAMPING] = 0.0
+    row[airframe_row.DRAG : airframe_row.DRAG + 3] = 0.0
+    row[airframe_row.ANGULAR_DAMPING] = 0.0
     return row
 
 
@@ -28,28 +29,28 @@ def run(row, motors, params, seconds, dt=DT):
 
 def test_without_thrust_it_falls_at_g():
     row = run(d.vehicle_row((0.0, 0.0, 10.0)), (0.0,) * 4, free_of_air(), 1.0)
-    assert row[d.P : d.P + 3] == pytest.approx([0.0, 0.0, 10.0 - 0.5 * af.GRAVITY], abs=1e-9)
-    assert row[d.F : d.F + 3] == pytest.approx([0.0, 0.0, 0.0])
+    assert row[state_row.P : state_row.P + 3] == pytest.approx([0.0, 0.0, 10.0 - 0.5 * af.GRAVITY], abs=1e-9)
+    assert row[state_row.F : state_row.F + 3] == pytest.approx([0.0, 0.0, 0.0])
 
 
 def test_hover_command_hovers():
-    hover = PAPER[af.HOVER_THRUST]
+    hover = PAPER[airframe_row.HOVER_THRUST]
     row = run(d.vehicle_row((1.0, 2.0, 3.0), motor=hover), (hover,) * 4, PAPER, 2.0)
-    assert row[d.P : d.V + 3] == pytest.approx([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], abs=1e-9)
-    assert row[d.F + 2] == pytest.approx(af.GRAVITY)
+    assert row[state_row.P : state_row.V + 3] == pytest.approx([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], abs=1e-9)
+    assert row[state_row.F + 2] == pytest.approx(af.GRAVITY)
 
 
 def test_motors_lag_first_order():
     row = d.vehicle_row()
-    run(row, (1.0,) * 4, PAPER, PAPER[af.MOTOR_LAG], dt=PAPER[af.MOTOR_LAG] / 10)
-    assert row[d.MOTOR : d.MOTOR + 4] == pytest.approx([1 - math.exp(-1)] * 4)
+    run(row, (1.0,) * 4, PAPER, PAPER[airframe_row.MOTOR_LAG], dt=PAPER[airframe_row.MOTOR_LAG] / 10)
+    assert row[state_row.MOTOR : state_row.MOTOR + 4] == pytest.approx([1 - math.exp(-1)] * 4)
 
 
 def test_drag_brings_it_to_the_speed_of_the_wind():
-    row = d.vehicle_row(motor=PAPER[af.HOVER_THRUST])
-    row[d.WIND : d.WIND + 3] = (3.0, -2.0, 0.0)
-    run(row, (PAPER[af.HOVER_THRUST],) * 4, PAPER, 60.0)
-    assert row[d.V : d.V + 3] == pytest.approx([3.0, -2.0, 0.0], abs=1e-3)
+    row = d.vehicle_row(motor=PAPER[airframe_row.HOVER_THRUST])
+    row[state_row.WIND : state_row.WIND + 3] = (3.0, -2.0, 0.0)
+    run(row, (PAPER[airframe_row.HOVER_THRUST],) * 4, PAPER, 60.0)
+    assert row[state_row.V : state_row.V + 3] == pytest.approx([3.0, -2.0, 0.0], abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +59,7 @@ def test_drag_brings_it_to_the_speed_of_the_wind():
 )
 def test_motors_turn_it_the_way_px4_numbers_them(motors, axis, sign):
     row = run(d.vehicle_row(motor=0.45), motors, PAPER, 0.1)
-    rates = row[d.W : d.W + 3]
+    rates = row[state_row.W : state_row.W + 3]
     assert sign * rates[axis] > 0.05
     assert np.delete(rates, axis) == pytest.approx([0.0, 0.0], abs=1e-3)
 
@@ -66,23 +67,23 @@ def test_motors_turn_it_the_way_px4_numbers_them(motors, axis, sign):
 def test_angular_momentum_is_kept_in_free_rotation():
     params = free_of_air()
     row = d.vehicle_row()
-    row[d.W : d.W + 3] = (3.0, -2.0, 4.0)
-    inertia = params[af.INERTIA : af.INERTIA + 3]
+    row[state_row.W : state_row.W + 3] = (3.0, -2.0, 4.0)
+    inertia = params[airframe_row.INERTIA : airframe_row.INERTIA + 3]
 
     def momentum():
-        return np.array(rot.rotate(row[d.Q : d.Q + 4], *(inertia * row[d.W : d.W + 3])))
+        return np.array(rot.rotate(row[state_row.Q : state_row.Q + 4], *(inertia * row[state_row.W : state_row.W + 3])))
 
     before = momentum()
     run(row, (0.0,) * 4, params, 1.0)
     assert momentum() == pytest.approx(before, rel=0.02)
-    assert np.linalg.norm(row[d.Q : d.Q + 4]) == pytest.approx(1.0, abs=1e-12)
+    assert np.linalg.norm(row[state_row.Q : state_row.Q + 4]) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_halving_the_step_changes_little():
     ends = []
     for dt in (0.004, 0.002, 0.001):
         row = d.vehicle_row(motor=0.45)
-        row[d.W : d.W + 3] = (1.0, 0.5, -0.5)
-        ends.append(run(row, (0.50, 0.52, 0.51, 0.49), PAPER, 0.5, dt)[d.P : d.Q + 4].copy())
+        row[state_row.W : state_row.W + 3] = (1.0, 0.5, -0.5)
+        ends.append(run(row, (0.50, 0.52, 0.51, 0.49), PAPER, 0.5, dt)[state_row.P : state_row.Q + 4].copy())
     coarse, fine = abs(ends[0] - ends[1]).max(), abs(ends[1] - ends[2]).max()
     assert fine < 2e-3 and fine < 0.7 * coarse

@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle.quadrotor import airframe as af
+from vehicle.quadrotor import airframe_row
 from vehicle.quadrotor.mixer import mix, mix_freely
 
 PAPER = af.load_airframe("paper_quad").params_row()
-A, B = PAPER[af.MIXER_ROLL_PITCH], PAPER[af.MIXER_YAW]
+A, B = PAPER[airframe_row.MIXER_ROLL_PITCH], PAPER[airframe_row.MIXER_YAW]
 torque = st.floats(-1.0, 1.0)
 
 

@@ -33,7 +33,7 @@ def test_extrapolates_with_the_twist_but_not_far():
     assert history.at(31_000_000) is None
 
 
-def test_refuses_what_it_does_not_know_and_what_is_broken():
+def test_times_outside_the_history_and_non_finite_samples_are_refused():
     history = PoseHistory(span_ns=100)
     assert history.at(0) is None
     assert history.add(1000, _pose(0.0))

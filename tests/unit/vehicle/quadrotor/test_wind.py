@@ -12,7 +12,7 @@ def test_without_gusts_it_is_its_mean():
     assert (blown(Wind((1.0, -2.0, 0.0), 0.0, 1.0, 3), 0.1) == (1.0, -2.0, 0.0)).all()
 
 
-def test_gusts_have_their_spread_and_their_time():
+def test_gusts_have_the_given_sigma_and_correlation_time():
     gusts = blown(Wind((0.0, 0.0, 0.0), 2.0, 0.5, 7), 400.0, 20_000_000)
     assert gusts.std(axis=0) == pytest.approx((2.0, 2.0, 1.0), rel=0.12)
     x = gusts[:, 0] - gusts[:, 0].mean()
@@ -20,13 +20,13 @@ def test_gusts_have_their_spread_and_their_time():
     assert after_half_a_second == pytest.approx(np.exp(-1.0), abs=0.1)
 
 
-def test_equal_seeds_blow_alike_and_others_do_not():
+def test_equal_seeds_give_equal_winds():
     same = [blown(Wind((0.0, 0.0, 0.0), 1.0, 1.0, seed), 1.0) for seed in (5, 5, 6)]
     assert (same[0] == same[1]).all()
     assert (same[0] != same[2]).any()
 
 
 @pytest.mark.parametrize("bad", [(-1.0, 1.0), (1.0, 0.0), (float("nan"), 1.0)])
-def test_what_cannot_blow_is_refused(bad):
+def test_invalid_wind_is_refused(bad):
     with pytest.raises(ValueError, match="wind needs"):
         Wind((0.0, 0.0, 0.0), *bad, 1)

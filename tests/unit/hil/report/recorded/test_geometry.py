@@ -6,7 +6,9 @@ from hypothesis.extra.numpy import arrays
 
 from hil.recording.foxglove import belief_orientation
 from hil.report.recorded.geometry import Motion, approach, at, axes, nose_up_deg, specific_thrust
-from policies.task.contact import HEIGHT, NORMAL_ERROR, RESULT_DIM, ContactRules, X, Y, relative_state
+from policies.task import result_row
+from policies.task.contact import ContactRules, relative_state
+from vehicle.quadrotor.airframe import load_airframe
 
 QUATERNIONS = arrays(np.float64, 4, elements=st.floats(-1, 1)).filter(lambda q: np.linalg.norm(q) > 0.1)
 ANGLES = st.floats(-3.0, 3.0)
@@ -30,17 +32,17 @@ def test_axes_are_a_rotation(q):
 
 @given(ANGLES, st.floats(0.0, 1.4), QUATERNIONS, arrays(np.float64, 3, elements=st.floats(-2, 2)))
 def test_approach_is_what_the_referee_computes(heading, inclination, q, offset):
-    q, centre, rules = unit(q), np.array([1.0, -2.0, 1.5]), ContactRules()
-    out = np.zeros(RESULT_DIM)
+    q, centre, disc = unit(q), np.array([1.0, -2.0, 1.5]), load_airframe("paper_quad").contact
+    out = np.zeros(result_row.DIM)
     board_row = np.array([*centre, heading, 0.0, 0.0, inclination, 0.0])
-    relative_state(centre + offset, np.zeros(3), q, np.zeros(3), board_row, rules.row(), out)
+    relative_state(centre + offset, np.zeros(3), q, np.zeros(3), board_row, ContactRules().row(disc), out)
     board = motion(centre, belief_orientation(heading, inclination))
-    seen = approach(motion(centre + offset, q), board, rules.robot_l)
-    assert seen.magnet[0, 0] == pytest.approx(out[X], abs=1e-9)
-    assert seen.magnet[0, 1] == pytest.approx(out[Y], abs=1e-9)
-    assert seen.normal_error[0] == pytest.approx(out[NORMAL_ERROR], abs=1e-6)
-    lowest = seen.magnet[0, 2] - rules.robot_r * np.sin(seen.normal_error[0])
-    assert lowest == pytest.approx(out[HEIGHT], abs=1e-6)
+    seen = approach(motion(centre + offset, q), board, disc.magnet_below)
+    assert seen.magnet[0, 0] == pytest.approx(out[result_row.X], abs=1e-9)
+    assert seen.magnet[0, 1] == pytest.approx(out[result_row.Y], abs=1e-9)
+    assert seen.normal_error[0] == pytest.approx(out[result_row.NORMAL_ERROR], abs=1e-6)
+    lowest = seen.magnet[0, 2] - disc.footprint_radius * np.sin(seen.normal_error[0])
+    assert lowest == pytest.approx(out[result_row.HEIGHT], abs=1e-6)
 
 
 @given(ANGLES, st.floats(0.0, 1.5))

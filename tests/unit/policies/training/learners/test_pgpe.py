@@ -12,8 +12,9 @@ from policies.flying.shipped import policy_file
 from policies.network.actor_critic import Actor, NetworkConfig
 from policies.network.regimes import REGIMES
 from policies.network.widen import widened
-from policies.task.contact import NORMAL_ERROR, NORMAL_SPEED, PLANAR, TANGENTIAL_SPEED, TOUCHED, ContactRules
-from policies.task.observation import ENTRY_DIM, OBS_DIM, TAIL
+from policies.task import entry_row, result_row
+from policies.task.contact import ContactRules
+from policies.task.observation import OBS_DIM, TAIL
 from policies.training.actor import load_actor
 from policies.training.learners.pgpe import Pgpe, PgpeConfig, score
 
@@ -31,10 +32,25 @@ def shipped_actor() -> Actor:
 def test_score_by_hand():
     rules, config = ContactRules(), PgpeConfig()
     ended = np.zeros((4, ENDED_DIM))
-    ended[:3, TOUCHED], ended[:, E_STEPS] = 1.0, 200
-    ended[0, [PLANAR, TANGENTIAL_SPEED, NORMAL_ERROR, NORMAL_SPEED]] = 0.0, 0.0, 0.0, -0.5
-    ended[1, [PLANAR, TANGENTIAL_SPEED, NORMAL_ERROR, NORMAL_SPEED]] = 0.2, 0.0, 0.0, -0.5
-    ended[2, [PLANAR, TANGENTIAL_SPEED, NORMAL_ERROR, NORMAL_SPEED]] = 0.0, 0.6, 0.0, -1.65
+    ended[:3, result_row.TOUCHED], ended[:, E_STEPS] = 1.0, 200
+    ended[0, [result_row.PLANAR, result_row.TANGENTIAL_SPEED, result_row.NORMAL_ERROR, result_row.NORMAL_SPEED]] = (
+        0.0,
+        0.0,
+        0.0,
+        -0.5,
+    )
+    ended[1, [result_row.PLANAR, result_row.TANGENTIAL_SPEED, result_row.NORMAL_ERROR, result_row.NORMAL_SPEED]] = (
+        0.2,
+        0.0,
+        0.0,
+        -0.5,
+    )
+    ended[2, [result_row.PLANAR, result_row.TANGENTIAL_SPEED, result_row.NORMAL_ERROR, result_row.NORMAL_SPEED]] = (
+        0.0,
+        0.6,
+        0.0,
+        -1.65,
+    )
     full = 1.0 / (1.0 + np.exp(-1.0 / 0.12))  # nothing of a tolerance used
     got = score(ended, rules, config)
     late = 0.03 * 2.0
@@ -104,7 +120,7 @@ def test_a_flight_tells_of_every_regime_that_it_flew_by():
     actor = Actor(NetworkConfig(width=32, regimes=True))
     run = Pgpe(replace(ENV, count=2), actor.config, SMALL, actor=actor)
     over = np.zeros((2, 1, OBS_DIM), dtype=np.float32)
-    over[:, :, TAIL - ENTRY_DIM + 5] = [[1.0], [0.0]]  # a flat board, then an upright one
+    over[:, :, TAIL - entry_row.DIM + 5] = [[1.0], [0.0]]  # a flat board, then an upright one
     shares = torch.zeros(3, REGIMES)
     act = run._act(shares=shares)
     for seen in over:

@@ -17,7 +17,7 @@ HEADING = 0.7
 
 
 class Tap:
-    """Our end of the wire: keeps what goes out, loses it while `deaf`, and lets others speak in between."""
+    """Our end of the wire: stores sent frames, drops them while `deaf`, and can insert frames of other systems."""
 
     def __init__(self, wire):
         self._wire, self.sent, self.deaf, self.noise = wire, [], False, []
@@ -62,7 +62,7 @@ class Bench:
         return self
 
     def deafen(self, deaf):
-        """PX4 does not hear us, or does again."""
+        """PX4 stops receiving our frames, or receives them again."""
         self.tap.deaf = deaf
 
     @property

@@ -11,6 +11,7 @@ from kernel.rotations import body_z, wrap_angle, yaw
 from tests.unit.vehicle.px4.driver.driver_bench import MS, START, Bench
 from vehicle.px4 import protocol as px4
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, Rates
+from vehicle.quadrotor import airframe_row
 
 HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
 VISION = {"EKF2_EV_CTRL": 15, "EKF2_GPS_CTRL": 0, "EKF2_HGT_REF": 3, "SENS_EN_GPSSIM": 0, "SYS_HAS_GPS": 0}
@@ -27,7 +28,7 @@ def arrived():
     return Bench().to("hover")
 
 
-def test_from_silence_to_a_still_hover(arrived):
+def test_flight_from_connect_to_hover(arrived):
     bench = arrived
     names = [phase for _, phase in bench.phases]
     assert names == ["connect", "parameters", "streams", "ready", "arm", "takeoff", "goto", "hover"]
@@ -42,7 +43,7 @@ def test_from_silence_to_a_still_hover(arrived):
     assert not [note for _, note in bench.notes if note.severity != "info"]
 
 
-def test_the_streams_run_as_asked_and_are_stamped_when_they_were_true(arrived):
+def test_streams_have_requested_rates_and_sample_times(arrived):
     bench = arrived
     late = [sample for now, sample in bench.odometry if now > bench.now - 2_000 * MS]
     assert len(late) == pytest.approx(200, abs=5)
@@ -67,7 +68,7 @@ def test_parameters_are_set_as_asked(arrived):
     assert arrived.link.parameters["CBRK_FLIGHTTERM"] == 121212
 
 
-def test_parsing_and_packing_stay_cheap():
+def test_parsing_and_packing_time_is_bounded():
     bench = Bench().to("hover")
     busy, steps = 0, 0
 
@@ -107,11 +108,11 @@ def test_commanded_rates_are_reached_in_flu(axis, rate):
 
 @pytest.mark.parametrize("factor", [0.85, 1.0, 1.15])
 def test_thrust_is_mass_normalised_by_the_learned_hover(factor):
-    """The vehicle is lighter or heavier for its motors than its file says; an asked m/s^2 is still an m/s^2."""
+    """The vehicle is lighter or heavier for its motors than its file says; a commanded m/s^2 stays an m/s^2."""
     from vehicle.quadrotor import airframe as af
 
     row = af.load_airframe("paper_quad").params_row()
-    row[af.MOTOR_THRUST] *= factor
+    row[airframe_row.MOTOR_THRUST] *= factor
     bench = Bench(sim={"params_row": row}).to("hover")
     assert bench.out.hover_thrust == pytest.approx(bench.config.hover_thrust / factor, rel=0.02)
     bench.run(0.1, hover)
@@ -127,9 +128,9 @@ def test_the_wire_carries_frd_rates_and_normalised_thrust():
     bench.uplink.clear()
     bench.run(0.05, lambda _: Rates((0.1, 0.2, 0.3), 12.0))
     mav = px4.mavlink.MAVLink(None)
-    heard = [m for data in bench.uplink for m in mav.parse_buffer(data) or [] if m.get_type() == "SET_ATTITUDE_TARGET"]
-    assert len(heard) == 5
-    m = heard[-1]
+    sent = [m for data in bench.uplink for m in mav.parse_buffer(data) or [] if m.get_type() == "SET_ATTITUDE_TARGET"]
+    assert len(sent) == 5
+    m = sent[-1]
     assert m.type_mask == 0x80
     assert (m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate) == pytest.approx((0.1, -0.2, -0.3))
     assert m.thrust == pytest.approx(12.0 / 9.80665 * bench.link.hover_thrust, rel=1e-6)
@@ -137,8 +138,8 @@ def test_the_wire_carries_frd_rates_and_normalised_thrust():
     assert (m.get_srcSystem(), m.get_srcComponent()) == (245, 190)
 
 
-def test_another_origin_of_px4_s_frame():
-    """PX4 boots where it stands and calls that its origin; the world's is elsewhere."""
+def test_flight_with_another_px4_origin():
+    """PX4's local origin is where it boots; the world's origin is elsewhere."""
     place = (40.0, -25.0, 1.2)
     start = (41.0, -24.0, 4.0, -2.0)
     bench = Bench(sim={"position": place, "origin": place, "yaw": -2.0}, start=start, origin=place).to("hover")
@@ -147,14 +148,14 @@ def test_another_origin_of_px4_s_frame():
 
 
 @pytest.mark.parametrize("delay_ms", [0.0, 3.0, 20.0])
-def test_other_delays(delay_ms):
+def test_flight_with_other_wire_delays(delay_ms):
     bench = Bench(delay_ms=delay_ms).to("hover")
     assert abs(bench.link.counters["clock_offset_ns"] + bench.begin) <= 2 * MS
     bench.run(0.3, hover)
     assert bench.link.phase == "handed_over"
 
 
-def test_a_px4_that_runs_slower_than_our_clock():
+def test_flight_with_a_px4_slower_than_our_clock():
     """A SITL on a busy machine: our timeouts count PX4's time."""
     bench = Bench(clock_drift=0.03)
     slow, real = bench.sim, bench.sim.step
@@ -216,7 +217,7 @@ def test_kill_in_the_air_stops_the_motors_at_once():
     assert bench.asked == {"TIMESYNC", "HEARTBEAT"}, "the kill is not repeated once it is confirmed"
 
 
-def test_a_kill_is_repeated_until_it_is_heard():
+def test_kill_is_repeated_until_the_autopilot_disarms():
     bench = Bench().to("hover")
     bench.deafen(True)
     bench.link.kill()
@@ -236,6 +237,6 @@ def test_a_kill_is_repeated_until_it_is_heard():
         ({"gap_limit": 0.0}, "gap_limit"),
     ],
 )
-def test_configurations_that_cannot_be_meant(wrong, text):
+def test_invalid_configurations_raise(wrong, text):
     with pytest.raises(ValueError, match=text):
         LinkConfig(**({"start": START} | wrong))

@@ -3,25 +3,25 @@
 import pytest
 
 from tests.unit.vehicle.px4.driver.driver_bench import MS, Bench
+from vehicle.px4.driver.autopilot import Autopilot
 from vehicle.px4.driver.clocks import ClockOffset
-from vehicle.px4.driver.heard import Heard
 from vehicle.px4.driver.types import Rates
 
 
 @pytest.mark.parametrize(("pace", "worst_ms"), [(0.9, 12.0), (0.97, 5.0), (1.0, 0.01)])
 def test_stamps_stay_right_when_px4_runs_slower_than_our_clock(pace, worst_ms, monkeypatch):
-    """A SITL that lags loses a tenth of a second each second at pace 0.9; nobody has told the driver."""
+    """A SITL that lags loses a tenth of a second each second at pace 0.9. The driver has no report of it."""
     bench, errors = Bench(), []
-    real, hear = bench.sim.step, Heard._odometry
+    real, original = bench.sim.step, Autopilot._odometry
     bench.sim.step = lambda now: real(bench.begin + int((now - bench.begin) * pace))
 
-    def spy(heard, fields, now_ns):
-        known = len(heard.fresh)
-        hear(heard, fields, now_ns)
-        if len(heard.fresh) > known:
-            errors.append(heard.fresh[-1].stamp_ns - (bench.begin + fields.time_usec * 1000 / pace))
+    def spy(autopilot, fields, now_ns):
+        known = len(autopilot.fresh)
+        original(autopilot, fields, now_ns)
+        if len(autopilot.fresh) > known:
+            errors.append(autopilot.fresh[-1].stamp_ns - (bench.begin + fields.time_usec * 1000 / pace))
 
-    monkeypatch.setattr(Heard, "_odometry", spy)
+    monkeypatch.setattr(Autopilot, "_odometry", spy)
     bench = bench.relink().to("hover", limit=60.0)
     errors.clear()
     bench.run(3.0, lambda _: Rates((0.0, 0.0, 0.0), 9.80665))
@@ -31,7 +31,7 @@ def test_stamps_stay_right_when_px4_runs_slower_than_our_clock(pace, worst_ms, m
 
 
 @pytest.mark.parametrize("pace", [0.5, 0.9, 0.99, 1.02])
-def test_a_drift_is_found_out_from_the_answers(pace):
+def test_drift_is_estimated_from_answers(pace):
     clock, worst = ClockOffset(drift=1e-4), 0.0
     for i in range(300):
         now = i * 100 * MS

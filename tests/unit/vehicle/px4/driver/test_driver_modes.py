@@ -1,4 +1,4 @@
-"""What the driver believes of PX4's modes: the first ACK of a mode change, and HEARTBEATs that stop, say little."""
+"""PX4's mode in the driver: after the first ACK of a mode change, and when HEARTBEATs stop."""
 
 from tests.unit.vehicle.px4.driver.driver_bench import MS, Bench
 from vehicle.px4 import protocol as px4
@@ -12,8 +12,8 @@ def hover(_):
     return HOVER
 
 
-def test_the_first_ack_of_a_mode_change_is_not_believed():
-    """PX4 says ACCEPTED before it has looked; the refusal comes in a second ACK."""
+def test_first_ack_of_a_mode_change_does_not_set_the_mode():
+    """PX4 sends ACCEPTED before it checks the mode; the refusal comes in a second ACK."""
     bench, acks = Bench(), Parser()
     asked = bench.sim.commander.request_mode
 
@@ -52,7 +52,7 @@ def test_a_px4_left_in_offboard_is_brought_to_hold_before_arming():
     assert not bench.said("denied")
 
 
-def test_heartbeats_that_stop_are_told_while_control_goes_on():
+def test_missing_heartbeats_are_reported_while_control_continues():
     """Whether to go on without HEARTBEATs is the caller's choice: odometry still comes, so the driver obeys."""
     bench = Bench().to("hover")
     bench.run(0.5, hover)
@@ -69,7 +69,7 @@ def test_heartbeats_that_stop_are_told_while_control_goes_on():
     assert len(bench.said("no HEARTBEAT")) == 1
 
 
-def test_odometry_that_stops_leaves_the_last_sample_old_and_nothing_invented():
+def test_missing_odometry_gives_no_new_samples():
     """The gate decides on the age of the newest sample, so no sample may be repeated with a new stamp."""
     bench = Bench().to("hover")
     bench.run(0.5, hover)

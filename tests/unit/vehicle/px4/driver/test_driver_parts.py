@@ -28,7 +28,7 @@ CONFIG = LinkConfig(start=START, hover_thrust=0.44)
     st.integers(-(10**18), 10**18),
     st.lists(st.tuples(st.integers(0, 40 * MS), st.integers(0, 40 * MS)), min_size=1, max_size=60),
 )
-def test_the_offset_is_never_off_by_more_than_half_the_best_round_trip(offset, trips):
+def test_offset_error_is_at_most_half_the_best_round_trip(offset, trips):
     clock, now = ClockOffset(drift=0.0), 0
     for there, back in trips:
         now += 100 * MS
@@ -39,7 +39,7 @@ def test_the_offset_is_never_off_by_more_than_half_the_best_round_trip(offset, t
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.01, -0.02])
-def test_a_px4_that_lags_behind_is_followed(drift):
+def test_offset_follows_a_lagging_px4(drift):
     clock = ClockOffset(drift=0.03)
     worst = 0
     for i in range(400):
@@ -52,7 +52,7 @@ def test_a_px4_that_lags_behind_is_followed(drift):
     assert worst < 12 * MS  # 4 s of which would be 80 ms without following
 
 
-def test_answers_to_nothing_we_asked_are_counted():
+def test_timesync_answers_without_a_request_are_counted():
     clock = ClockOffset()
     clock.add(5 * SECOND, 1, 4 * SECOND)
     clock.add(1 * SECOND, 1, 2 * SECOND)
@@ -66,13 +66,13 @@ def test_a_known_offset_stays():
     assert (clock.offset_ns, clock.ours(3)) == (-7, 10)
 
 
-def test_link_time_is_px4_s_and_ours_while_it_is_silent():
+def test_link_time_is_px4s_and_ours_without_stamps():
     time, now = LinkTime(), 0
-    for _ in range(20):  # nothing heard: ours
+    for _ in range(20):  # no stamp received: our time
         time.advance(now := now + 50 * MS)
     assert time.ns == 950 * MS
     for i in range(100):  # at a quarter of our speed
-        time.heard(1000 * SECOND + i * 25 * MS)
+        time.receive(1000 * SECOND + i * 25 * MS)
         time.advance(now := now + 100 * MS)
     assert time.ns == pytest.approx((950 + 99 * 25) * MS, abs=101 * MS)
     before = time.ns
@@ -83,9 +83,9 @@ def test_link_time_is_px4_s_and_ours_while_it_is_silent():
 
 def test_a_px4_time_that_goes_back_is_a_reboot():
     time = LinkTime()
-    assert not time.heard(100 * SECOND)
-    assert not time.heard(100 * SECOND - 400 * MS), "frames may overtake each other"
-    assert time.heard(3 * SECOND)
+    assert not time.receive(100 * SECOND)
+    assert not time.receive(100 * SECOND - 400 * MS), "frames may overtake each other"
+    assert time.receive(3 * SECOND)
     assert time.reboots == 1
 
 
@@ -94,7 +94,7 @@ def test_a_px4_time_that_goes_back_is_a_reboot():
 
 def say(texts, text, severity=6, id=1, now=0):
     for i in range(0, max(1, len(text)), 50):
-        texts.heard(SimpleNamespace(id=id, severity=severity, chunk_seq=i // 50, text=text[i : i + 50]), now)
+        texts.receive(SimpleNamespace(id=id, severity=severity, chunk_seq=i // 50, text=text[i : i + 50]), now)
 
 
 def taken(texts):
@@ -120,7 +120,7 @@ def test_a_text_that_fills_its_chunk_waits_for_more_but_not_for_ever():
 
 def test_chunks_without_a_beginning_are_dropped():
     texts = Texts()
-    texts.heard(SimpleNamespace(id=4, severity=2, chunk_seq=1, text="t\t"), 0)
+    texts.receive(SimpleNamespace(id=4, severity=2, chunk_seq=1, text="t\t"), 0)
     assert taken(texts) == []
 
 
@@ -129,7 +129,7 @@ def test_severities_and_quotes():
     for severity, text in ((2, "bad"), (4, "hm"), (6, "fine"), (2, "bad")):
         say(texts, text, severity)
     assert [severity for severity, _ in taken(texts)] == ["error", "warning", "info", "error"]
-    assert texts.quote() == "; the autopilot said: bad / hm"
+    assert texts.quote() == "; the autopilot reports: bad / hm"
 
 
 # parameters
@@ -141,7 +141,7 @@ def test_integers_survive_the_float_field(value):
 
 
 @given(st.floats(width=32, allow_nan=False))
-def test_floats_survive_it_too(value):
+def test_floats_survive_the_float_field(value):
     assert unpack_value(pack_value(value, REAL32), REAL32) == value
     assert unpack_value(bytes(4), 5) is None
 
@@ -163,7 +163,7 @@ def test_sound_parameters_pass():
         ({"COM_OBL_RC_ACT": 0}, "4 \\(land\\) or 5 \\(hold\\)"),
         ({"CBRK_FLIGHTTERM": 0}, "FD_FAIL_P 60, FD_FAIL_R 60 deg.*CBRK_FLIGHTTERM 121212"),
         ({"CBRK_FLIGHTTERM": 0, "FD_FAIL_R": 0}, "FD_FAIL_P 60 deg"),
-        ({"MPC_THR_HOVER": 0.6}, "MPC_THR_HOVER is 0.600, the airframe's data say 0.440"),
+        ({"MPC_THR_HOVER": 0.6}, "MPC_THR_HOVER is 0.600, the airframe file gives 0.440"),
         ({"EKF2_EV_CTRL": 1}, "11 or 15"),
         ({"EKF2_HGT_REF": 1}, "reboot"),
         ({"SYS_HAS_MAG": 1}, "motion capture"),
@@ -267,10 +267,10 @@ def frames(data):
     return Parser().feed(data)
 
 
-def test_good_frames_are_believed_once():
+def test_validly_signed_frames_are_accepted_once():
     signer, (frame,) = Signer(SIGNING), frames(signed())
     assert signer.accepts(frame, 7 * SECOND)
-    assert not signer.accepts(frame, 7 * SECOND), "the same frame again was overheard"
+    assert not signer.accepts(frame, 7 * SECOND), "the same frame again is a replay"
     (later,) = frames(signed(8 * SECOND))
     assert signer.accepts(later, 8 * SECOND)
     assert signer.refused == 1
@@ -279,14 +279,14 @@ def test_good_frames_are_believed_once():
 @pytest.mark.parametrize(
     "data",
     [
-        signed(key=bytes(32)),
+        signed(key=bytes(range(1, 33))),
         signed()[:-1] + bytes((signed()[-1] ^ 1,)),
         signed(stamp_ns=-90 * SECOND),  # recorded long ago
         Packer(1, 1).pack(MESSAGE, 5, 6, 0, 0),
     ],
     ids=["other key", "changed", "old", "unsigned"],
 )
-def test_other_frames_are_not(data):
+def test_invalidly_signed_frames_are_refused(data):
     signer, (frame,) = Signer(SIGNING), frames(data)
     assert not signer.accepts(frame, 7 * SECOND)
     assert signer.refused == 1

@@ -1,4 +1,4 @@
-"""The driver hears what a real PX4 v1.17 said in a recorded flight: boot, take-off, OFFBOARD, failsafe, landing."""
+"""The driver receives a recorded flight of a real PX4 v1.17: boot, take-off, OFFBOARD, failsafe, landing."""
 
 import struct
 

@@ -24,18 +24,18 @@ def client(system=255, component=190):
 # refusals
 
 
-def test_refused_arming_fails_with_the_autopilot_s_own_words():
+def test_refused_arming_fails_with_the_autopilots_text():
     bench = Bench().to("arm")
     bench.sim.flight.terminated = True
     bench.to("failed")
     (text,) = bench.said("arming was refused")
     assert "TEMPORARILY_REJECTED) after 8 tries" in text
-    assert "; the autopilot said: " in text and "Arming denied: Resolve system health failures first" in text
+    assert "; the autopilot reports: " in text and "Arming denied: Resolve system health failures first" in text
     assert bench.seconds < 12.0
     assert not bench.sim.flight.armed
 
 
-def test_a_driver_that_may_not_arm_waits_until_it_may():
+def test_driver_does_not_arm_before_it_is_allowed():
     bench = Bench(arm=False, prearm_limit=3.0).to("ready")
     bench.run(12.0, hover)
     assert bench.link.phase == "ready"
@@ -44,20 +44,20 @@ def test_a_driver_that_may_not_arm_waits_until_it_may():
     bench.to("hover")
 
 
-def test_arming_that_nobody_answers():
+def test_arming_without_an_answer_fails():
     bench = Bench().to("arm")
     bench.deafen(True)
     bench.to("failed")
     assert bench.said("arming was refused (no answer) after 8 tries")
 
 
-def test_prearm_checks_that_never_pass():
+def test_prearm_checks_that_never_pass_fail():
     bench = Bench(sim={"parameters": {"SENS_EN_GPSSIM": 0, "SYS_HAS_GPS": 0}}, prearm_limit=8.0)
     bench.to("failed")
     assert bench.said("not ready after 8 s: its pre-arm checks did not pass")
 
 
-def test_a_parameter_that_px4_does_not_have_is_said_and_the_rest_is_set():
+def test_parameter_that_px4_lacks_is_reported_and_the_rest_is_set():
     bench = Bench(parameters={"COM_OF_LOS_T": 0.3, "COM_OBL_RC_ACT": 4}, tries=2).to("ready")
     assert bench.said("this PX4 has no parameter COM_OF_LOS_T, or does not answer: not set")
     assert bench.sim.flight.parameters["COM_OBL_RC_ACT"] == 4
@@ -65,14 +65,14 @@ def test_a_parameter_that_px4_does_not_have_is_said_and_the_rest_is_set():
     assert [note.severity for _, note in bench.notes if "COM_OF_LO" in note.text] == ["warning"] * 2
 
 
-def test_a_px4_that_answers_for_no_parameter_at_all_does_not_fly():
+def test_px4_without_parameter_answers_is_not_flown():
     bench = Bench(tries=2).to("parameters")
     bench.deafen(True)
     bench.to("failed")
     assert bench.said("the autopilot answers no request for a parameter")
 
 
-def test_a_px4_without_a_parameter_that_decides_over_silence_does_not_arm():
+def test_px4_without_the_offboard_loss_parameters_is_not_armed():
     assert LinkConfig(start=START).required == ("COM_OF_LOSS_T", "COM_OBL_RC_ACT")
     bench = Bench(tries=2, required=("COM_OF_LOSS_T", "COM_NO_SUCH"), parameters={"COM_NO_SUCH": 1.0}).to("failed")
     assert bench.said("this PX4 has no parameter COM_NO_SUCH, or does not answer")
@@ -80,11 +80,11 @@ def test_a_px4_without_a_parameter_that_decides_over_silence_does_not_arm():
     assert not bench.sim.truth().armed
 
 
-def test_a_parameter_that_px4_does_not_take_over_ends_in_bounded_time():
+def test_parameter_that_px4_rejects_fails_in_bounded_time():
     bench = Bench(tries=3)
     bench.sim.flight.parameters.set_wire = lambda *_: None
     bench.to("failed")
-    assert bench.said("COM_OF_LOSS_T, COM_OBL_RC_ACT was not taken over")
+    assert bench.said("COM_OF_LOSS_T, COM_OBL_RC_ACT was not accepted")
     assert bench.seconds < 6.0
 
 
@@ -96,25 +96,25 @@ def test_integer_parameters_are_sent_as_integers():
     assert isinstance(values["NAV_RCL_ACT"], int)
 
 
-def test_a_vehicle_that_is_armed_already_is_left_alone():
+def test_already_armed_vehicle_gets_no_commands():
     bench = Bench().to("goto")
     bench.relink()
     bench.uplink.clear()
     bench.to("failed")
-    assert bench.said("armed already")
+    assert bench.said("already armed")
     bench.run(5.0)
     assert bench.asked == {"HEARTBEAT", "TIMESYNC"}, "not even a landing is asked for"
     assert bench.sim.flight.active != px4.LAND
 
 
-def test_another_airframe_than_its_file_says_is_landed():
+def test_vehicle_with_another_hover_thrust_than_its_file_is_landed():
     bench = Bench(hover_thrust=0.25).to("failed")
     assert bench.said("hover thrust is 0.44") and bench.said("wrong airframe file")
     assert bench.run(20.0, until=lambda: not bench.sim.flight.armed)
     assert bench.sim.truth().position[2] == pytest.approx(0.0, abs=0.05)
 
 
-def test_a_motor_that_gives_nothing_ends_before_the_hand_over():
+def test_dead_motor_fails_before_the_hand_over():
     bench = Bench(goto_limit=8.0)
     bench.to("goto")
     bench.sim.fail_motor(0, 0.2)
@@ -123,10 +123,10 @@ def test_a_motor_that_gives_nothing_ends_before_the_hand_over():
     assert not bench.sent
 
 
-# who flies
+# control
 
 
-def test_after_a_gap_control_is_not_taken_up_again():
+def test_control_is_not_resumed_after_a_gap():
     bench = Bench().to("hover")
     bench.run(0.5, hover)
     bench.run(0.32)
@@ -145,7 +145,7 @@ def test_after_a_gap_control_is_not_taken_up_again():
     assert bench.sim.flight.intended == px4.HOLD
 
 
-def test_a_gap_shorter_than_the_limit_is_flown_over():
+def test_gap_shorter_than_the_limit_keeps_control():
     bench = Bench().to("hover")
     bench.run(0.5, hover)
     bench.run(0.2)
@@ -154,7 +154,7 @@ def test_a_gap_shorter_than_the_limit_is_flown_over():
     assert bench.sim.flight.active == px4.OFFBOARD
 
 
-def test_a_pilot_who_takes_over_keeps_control():
+def test_pilot_keeps_control_after_taking_over():
     bench = Bench(gcs=True).to("hover")
     bench.run(0.5, hover)
     pilot = client()
@@ -169,7 +169,7 @@ def test_a_pilot_who_takes_over_keeps_control():
 
 
 @pytest.mark.parametrize("phase", ["goto", "hover"])
-def test_a_pilot_may_take_over_before_the_hand_over_too(phase):
+def test_pilot_can_take_over_before_the_hand_over(phase):
     bench = Bench(gcs=True).to(phase)
     bench.run(1.0)
     bench.gcs.send(client().send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 4.0, 6.0, 0.0, 0.0, 0.0, 0.0))
@@ -196,7 +196,7 @@ def test_commands_that_are_not_finite_are_never_sent(field, bad):
     assert (bench.sent, bench.link.refused, bench.link.phase) == ([], 10, "hover")
 
 
-def test_thrust_stays_on_the_wire_s_scale():
+def test_sent_thrust_is_limited_to_zero_and_one():
     bench = Bench().to("hover")
     bench.run(0.02, lambda _: Rates((0.0, 0.0, 0.0), 400.0))
     bench.run(0.02, lambda _: Rates((0.0, 0.0, 0.0), -4.0))
@@ -223,7 +223,7 @@ def test_garbage_is_counted_and_changes_nothing():
     assert bench.link.garbage > 10_000
 
 
-def test_other_clients_heartbeats_are_not_px4_s():
+def test_heartbeats_of_other_clients_are_ignored():
     """PX4 forwards them: an armed drone in MANUAL from 255/190, and PX4's system with another component."""
     bench = Bench(gcs=True)
     others = [client(), client(1, 191), client(2, 1)]
@@ -240,14 +240,14 @@ def test_other_clients_heartbeats_are_not_px4_s():
     assert not bench.said("MANUAL")
 
 
-def test_only_others_on_the_wire_is_said():
+def test_other_systems_without_px4_are_reported():
     bench = Bench(system=3)
     bench.run(11.0)
     assert bench.link.phase == "connect"
-    assert bench.said("no PX4 heard as system 3, component 1 yet (heard: 1/1")
+    assert bench.said("no PX4 received as system 3, component 1 yet (received: 1/1")
 
 
-def test_a_lost_link_is_told():
+def test_lost_link_is_reported():
     bench = Bench().to("hover")
     bench.theirs.peer._inbound.clear()
     stopped = bench.sim.step
@@ -277,7 +277,7 @@ def test_a_reboot_on_the_ground_begins_again_and_in_flight_fails():
     [(NAN, (1.0, 0.0, 0.0, 0.0), 3000), (0.0, (0.0, 0.0, 0.0, 0.0), 3000), (0.0, (1.0, 0.0, 0.0, 0.0), -50_000)],
     ids=["not a number", "no rotation", "older than the last"],
 )
-def test_odometry_that_cannot_be_is_counted(x, attitude, ahead_us):
+def test_invalid_odometry_is_counted(x, attitude, ahead_us):
     bench = Bench().to("hover")
     values = (
         bench.sim.boot_ns // 1000 + ahead_us,

@@ -34,7 +34,7 @@ def truth(bench, shift=(0.0, 0.0, 0.0), turn=0.0):
     return ExternalPose(bench.now, position, multiply(from_euler(0.0, 0.0, turn), true.orientation))
 
 
-def test_poses_go_out_as_px4_wants_them():
+def test_external_poses_are_sent_in_px4s_frames():
     place = (10.0, 20.0, 1.0)
     attitude = from_euler(0.1, -0.2, 0.3)
     pose = ExternalPose(0, (12.0, 23.0, 5.0), attitude)
@@ -51,7 +51,7 @@ def test_poses_go_out_as_px4_wants_them():
     assert abs(m.time_usec * 1000 - (bench.now - 5 * MS)) < 25 * MS, "the time of the pose, on our clock"
 
 
-def test_they_go_out_at_fifty_hertz_at_most():
+def test_external_poses_are_sent_at_most_at_50_hz():
     bench = fed(lambda b: truth(b))
     bench.uplink.clear()
     bench.run(4.0)
@@ -70,7 +70,7 @@ def test_a_pose_that_is_not_finite_is_not_passed_on(bad):
     assert odometries(bench) == []
 
 
-def test_px4_s_estimate_follows_when_its_parameters_were_set_before_boot():
+def test_px4s_estimate_follows_with_parameters_set_before_boot():
     shift, turn = (0.5, -0.4, 0.3), 0.1
     bench = fed(lambda b: truth(b, shift, turn), seconds=8.0, sim={"parameters": VISION}, external_vision=True)
     believed, true = bench.odometry[-1][1], bench.sim.truth()
@@ -79,7 +79,7 @@ def test_px4_s_estimate_follows_when_its_parameters_were_set_before_boot():
     assert yaw(believed.orientation) == pytest.approx(yaw(true.orientation) + turn, abs=0.03)
 
 
-def test_px4_s_estimate_does_not_follow_when_they_were_not():
+def test_px4s_estimate_does_not_follow_without_the_parameters():
     bench = fed(lambda b: truth(b, (0.5, -0.4, 0.3)), seconds=8.0)
     believed, true = bench.odometry[-1][1], bench.sim.truth()
     assert math.dist(believed.position, true.position) < 0.05

@@ -59,7 +59,7 @@ class Rig:
                     self.gcs_log.extend((self.ms, frame) for frame in self.gcs_parser.feed(data))
 
     def of(self, name):
-        """Fields of every message of that name heard so far from PX4."""
+        """Fields of every message of that name received so far from PX4."""
         return [frame.fields for _, frame in self.log if frame.name == name and frame.system == 1]
 
     def texts(self):

@@ -59,7 +59,7 @@ def test_force_arming_does_not_skip_checks(ready):
     assert ready.texts() == DENIED_CHUNKS
 
 
-def test_arm_disarm_and_their_no_ops(ready):
+def test_arm_and_disarm_and_their_repetition(ready):
     assert ready.ask(400, 0.0) == [ACCEPTED]
     assert ready.ask(400, 1.0) == [ACCEPTED]
     assert ready.texts() == ["Armed by external command\t"]
@@ -113,7 +113,7 @@ def test_an_unknown_auto_mode_is_rejected_by_the_second_answer(ready):
     assert ready.texts() == ["Unsupported auto mode\t"]
 
 
-def test_the_first_answer_to_a_mode_is_always_yes_and_the_second_the_verdict():
+def test_first_answer_to_a_mode_is_accepted_and_the_second_is_the_result():
     rig = hover()
     assert rig.mode(6) == [ACCEPTED, REJECTED]
     assert "".join(rig.texts()) == "Switching to Offboard is currently not available\t"
@@ -181,7 +181,7 @@ def test_return_from_afar_climbs_first():
     assert math.hypot(*rig.sim.truth().position[:2]) < 2.5
 
 
-def test_termination_is_for_good():
+def test_termination_cannot_be_undone():
     rig = Rig()
     assert rig.ask(185, 1.0) == [REJECTED]
     rig.fly_to_hover()
@@ -206,7 +206,7 @@ def test_reboot_is_denied(ready):
 
 
 @pytest.mark.parametrize("to", [{"system": 7}, {"component": 5}, {"component": 190}])
-def test_commands_for_others_meet_silence(ready, to):
+def test_commands_for_other_systems_get_no_answer(ready, to):
     assert ready.ask(400, 1.0, **to) == []
     assert not ready.flight.armed and ready.sim.rejected["ignored_frames"] > 0
 
@@ -228,7 +228,7 @@ def test_messages_that_are_denied(ready, id):
     assert ready.ask(512, float(id)) == [DENIED]
 
 
-def test_autopilot_version_says_what_it_is(ready):
+def test_autopilot_version_is_that_of_v1_17(ready):
     assert ready.ask(520, 1.0) == [ACCEPTED]
     (version,) = ready.of("AUTOPILOT_VERSION")
     assert (version.capabilities, version.flight_sw_version) == (59647, 0x011100FF)

@@ -9,7 +9,7 @@ import pytest
 from kernel.rotations import from_euler, swap_attitude
 from tests.unit.vehicle.px4.sim.client import NAN, Rig
 from vehicle.px4 import protocol as px4
-from vehicle.quadrotor.dynamics import MOTOR
+from vehicle.quadrotor import state_row
 
 ACCEPTED, REJECTED = 0, 1
 
@@ -49,7 +49,7 @@ def test_masks_that_hold_offboard(mask):
 
 
 @pytest.mark.parametrize("mask", [0x81, 0x82, 0x87])
-def test_masks_that_do_not(mask):
+def test_masks_that_do_not_hold_offboard(mask):
     rig = Rig()
     rig.run(100, lambda: rig.rates(mask=mask))
     rig.mode(6)
@@ -58,7 +58,7 @@ def test_masks_that_do_not(mask):
 
 
 @pytest.mark.parametrize(("system", "component", "heard"), [(0, 0, True), (1, 0, True), (2, 1, False), (1, 5, False)])
-def test_only_setpoints_for_us_count(system, component, heard):
+def test_setpoints_for_other_systems_are_ignored(system, component, heard):
     rig = Rig()
     rig.run(100, lambda: rig.rates(system=system, component=component))
     rig.mode(6)
@@ -116,7 +116,7 @@ def test_thrust_is_linear_and_a_missing_throttle_is_none():
     for thrust, mask in ((0.3, 0x80), (0.7, 0x80), (0.7, 0xC0)):
         rig.run(400, lambda thrust=thrust, mask=mask: rig.rates(thrust=thrust, mask=mask))
         expected = 0.0 if mask == 0xC0 else thrust
-        assert rig.sim.row[MOTOR : MOTOR + 4].mean() == pytest.approx(expected, abs=0.01)
+        assert rig.sim.row[state_row.MOTOR : state_row.MOTOR + 4].mean() == pytest.approx(expected, abs=0.01)
 
 
 def test_attitude_target_keeps_a_stale_thrust_while_rates_are_flown():
@@ -194,7 +194,7 @@ def test_the_slowest_stream_that_holds_offboard(hz, stays):
 
 
 @pytest.mark.parametrize(("loss", "seed"), [(1.0, 1), (1.0, 2), (0.3, 3)])
-def test_a_lost_stream_fails_safe_a_tenth_after_the_limit(loss, seed):
+def test_lost_stream_enters_failsafe_100_ms_after_the_limit(loss, seed):
     rig = airborne(parameters={"COM_OF_LOSS_T": loss}, seed=seed)
     rig.run(40 + 4 * seed, lambda: rig.rates(thrust=0.4903), 4)
     last = rig.flight.setpoint.last_ns
@@ -208,7 +208,7 @@ def test_a_lost_stream_fails_safe_a_tenth_after_the_limit(loss, seed):
 @pytest.mark.parametrize(
     ("action", "mode"), [(0, px4.RTL), (1, px4.RTL), (2, px4.RTL), (3, px4.RTL), (4, px4.LAND), (5, px4.HOLD)]
 )
-def test_what_a_lost_stream_leads_to(action, mode):
+def test_mode_after_a_lost_stream_follows_its_parameter(action, mode):
     rig = airborne(parameters={"COM_OBL_RC_ACT": action})
     rig.run(2200)
     m = rig.of("HEARTBEAT")[-1]
@@ -233,7 +233,7 @@ def test_without_a_position_the_fallback_is_altitude():
     assert rig.sim.truth().position[2] == pytest.approx(height, abs=0.5)
 
 
-def test_a_mode_asked_for_in_the_failsafe_takes_over_for_good():
+def test_mode_requested_in_failsafe_stays():
     rig = airborne()
     rig.run(2000)
     assert rig.flight.active == px4.RTL and rig.flight.failsafe
@@ -242,7 +242,7 @@ def test_a_mode_asked_for_in_the_failsafe_takes_over_for_good():
     assert rig.flight.active == px4.HOLD and not rig.flight.failsafe
 
 
-def test_hold_asked_for_while_streaming_ignores_the_stream():
+def test_hold_requested_while_streaming_ignores_the_stream():
     rig = airborne()
     height = rig.sim.truth().position[2]
     rig.mode(4, 3)

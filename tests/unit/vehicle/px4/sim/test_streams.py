@@ -65,6 +65,20 @@ def test_intervals_that_cannot_be_set(ready, id):
     assert ready.ask(511, float(id), 10_000.0) == [FAILED]
 
 
+@pytest.mark.parametrize("interval", [math.inf, -math.inf, math.nan])
+def test_interval_that_is_not_finite_fails_and_changes_nothing(ready, interval):
+    assert ready.ask(511, 30.0, interval) == [FAILED]
+    ready.log.clear()
+    ready.run(1000)
+    assert len(ready.of("ATTITUDE")) == pytest.approx(100, abs=2)
+
+
+def test_interval_beyond_the_reported_range_is_reported_as_the_largest(ready):
+    assert ready.ask(511, 30.0, 3.0e38) == [0]
+    assert ready.ask(510, 30.0) == [0]
+    assert ready.of("MESSAGE_INTERVAL")[-1].interval_us == 2**31 - 1
+
+
 def test_ground_truth_on_request_has_no_time(ready):
     assert ready.ask(511, 115.0, 10_000.0) == [0]
     ready.log.clear()
@@ -136,7 +150,7 @@ def test_integers_lie_bytewise_in_the_float(ready):
 @pytest.mark.parametrize(
     ("name", "kind"), [("COM_OBL_RC_ACT", REAL32), ("COM_OBL_RC_ACT", 4), ("NO_SUCH_PARAM", REAL32)]
 )
-def test_wrong_types_and_names_meet_silence(ready, name, kind):
+def test_param_set_with_wrong_type_or_name_gets_no_answer(ready, name, kind):
     ready.run(300)
     ready.log.clear()
     ready.send("PARAM_SET", 1, 1, name, 1.0, kind)
@@ -220,7 +234,7 @@ def test_every_float_sent_in_flight_is_finite_where_it_must_be():
             assert np.isfinite([v for v in m if isinstance(v, (int, float))]).all()
 
 
-def test_no_wire_no_streams():
+def test_px4_without_wires_sends_no_streams():
     rig = Rig(ready=False)
     assert set(rig.sim.ports) == {"api"}
     with pytest.raises(ValueError, match="payload"):

@@ -8,10 +8,10 @@ import pytest
 from kernel.rotations import angle_between, from_euler, multiply, rotate
 from tests.unit.vehicle.px4.sim.client import NAN, Rig
 from vehicle.px4 import protocol as px4
-from vehicle.px4.sim.control import POSITION
 from vehicle.px4.sim.estimator import EstimatorNoise
+from vehicle.px4.sim.rows import control
+from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import GRAVITY, load_airframe
-from vehicle.quadrotor.dynamics import P, Q
 
 VISION = {"EKF2_EV_CTRL": 15, "EKF2_GPS_CTRL": 0, "EKF2_HGT_REF": 3, "SENS_EN_GPSSIM": 0, "SYS_HAS_GPS": 0}
 
@@ -132,13 +132,13 @@ def test_the_magnet_holds_the_pose_in_the_boards_frame():
     for _ in range(250):
         p, q = pose((rig.now - start) * 1e-9)
         rig.sim.attach(p, q)
-        offset = rig.sim.row[P : P + 3] - p
+        offset = rig.sim.row[state_row.P : state_row.P + 3] - p
         relative.append(rotate((q[0], -q[1], -q[2], -q[3]), *offset))
         rig.run(4)
     assert np.ptp(relative, axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
     truth = rig.sim.truth()
     assert truth.attached
-    r = rig.sim.row[P : P + 3] - np.array(pose((rig.now - start) * 1e-9)[0])
+    r = rig.sim.row[state_row.P : state_row.P + 3] - np.array(pose((rig.now - start) * 1e-9)[0])
     assert truth.velocity == pytest.approx(np.array([2.0, 0.0, 0.0]) + np.cross([0.0, 0.0, 0.5], r), abs=0.02)
     rig.sim.detach()
     assert not rig.sim.truth().attached
@@ -148,13 +148,13 @@ def test_at_contact_the_vehicle_takes_the_boards_velocity_at_once():
     """A sample of zero velocity in between would be a spike of hundreds of m/s^2 in every chart."""
     rig = Rig().fly_to_hover()
     level = (1.0, 0.0, 0.0, 0.0)
-    p = tuple((rig.sim.row[P : P + 3] - np.array([0.0, 0.3, 0.0])).tolist())
+    p = tuple((rig.sim.row[state_row.P : state_row.P + 3] - np.array([0.0, 0.3, 0.0])).tolist())
     rig.sim.attach(p, level, rig.now, (2.0, 0.0, 0.0), 0.5)
     at_once = np.array(rig.sim.truth().velocity)
     assert at_once == pytest.approx([2.0 - 0.5 * 0.3, 0.0, 0.0], abs=1e-9)
-    before = rig.sim.row[P : P + 3].copy()
+    before = rig.sim.row[state_row.P : state_row.P + 3].copy()
     rig.run(4)
-    assert rig.sim.row[P : P + 3] - before == pytest.approx(0.004 * at_once, abs=1e-5)
+    assert rig.sim.row[state_row.P : state_row.P + 3] - before == pytest.approx(0.004 * at_once, abs=1e-5)
     assert rig.sim.truth().velocity == pytest.approx(at_once, abs=0.01)
 
 
@@ -163,9 +163,9 @@ def test_between_board_poses_the_vehicle_moves_on_with_the_board():
     for i in range(20):
         rig.sim.attach((0.02 * i, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
         rig.run(20)  # 1 m/s, poses at 50 Hz
-    x = rig.sim.row[P]
+    x = rig.sim.row[state_row.P]
     rig.run(20)
-    assert rig.sim.row[P] - x == pytest.approx(0.02, abs=1e-6)
+    assert rig.sim.row[state_row.P] - x == pytest.approx(0.02, abs=1e-6)
 
 
 @pytest.mark.parametrize("ahead", [0, 4_000_000])
@@ -183,32 +183,32 @@ def test_a_stamped_board_pose_is_met_at_its_time(ahead):
         rig.sim.attach(p, q, rig.now + ahead)
         rig.run(4)
         p, q = pose(rig.now)
-        offset = rig.sim.row[P : P + 3] - p
+        offset = rig.sim.row[state_row.P : state_row.P + 3] - p
         gaps.append(rotate((q[0], -q[1], -q[2], -q[3]), *offset))
     assert np.ptp(gaps[5:], axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
-def test_a_killed_vehicle_on_the_board_stays_there_and_is_landed():
+def test_killed_vehicle_on_the_board_is_landed():
     rig = Rig().fly_to_hover()
     rig.sim.attach((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
     rig.run(100)
-    before = rig.sim.row[P : P + 3].copy()
+    before = rig.sim.row[state_row.P : state_row.P + 3].copy()
     assert rig.ask(400, 0.0, 21196.0) == [0]
     rig.run(2000)
-    assert rig.sim.row[P : P + 3] == pytest.approx(before)
+    assert rig.sim.row[state_row.P : state_row.P + 3] == pytest.approx(before)
     assert rig.flight.landed
 
 
-def test_a_dead_motor_tips_it_over():
+def test_vehicle_tips_over_with_a_dead_motor():
     rig = Rig().fly_to_hover()
     rig.sim.fail_motor(2)
     rig.run(500)
-    assert angle_between(tuple(rig.sim.row[Q : Q + 4]), (1.0, 0.0, 0.0, 0.0)) > 0.5
+    assert angle_between(tuple(rig.sim.row[state_row.Q : state_row.Q + 4]), (1.0, 0.0, 0.0, 0.0)) > 0.5
     with pytest.raises(ValueError, match="motor 4"):
         rig.sim.fail_motor(4)
 
 
-def test_the_heartbeat_can_be_silenced():
+def test_heartbeat_can_be_switched_off():
     rig = Rig()
     rig.sim.set_heartbeat(False)
     rig.run(3000)
@@ -232,7 +232,7 @@ def test_the_paper_quadrotor_takes_off_and_holds_tightly():
     rig = Rig(frame="paper_quad", position=(-3.0, 1.0, 0.1)).fly_to_hover()
     rig.run(3000)
     assert rig.sim.truth().position == pytest.approx((-3.0, 1.0, 2.6), abs=0.15)
-    assert rig.flight.control[0] == POSITION
+    assert rig.flight.control[control.MODE] == control.POSITION
 
 
 def test_a_randomised_plant_still_hovers():
@@ -244,7 +244,7 @@ def test_a_randomised_plant_still_hovers():
     assert rig.sim.truth().position[2] == pytest.approx(2.5, abs=0.2)
 
 
-def test_seeds_decide_everything():
+def test_same_seed_gives_the_same_bytes():
     def bytes_of(seed):
         rig = Rig(ready=False, seed=seed)
         rig.run(1500)
@@ -254,6 +254,6 @@ def test_seeds_decide_everything():
     assert bytes_of(1) != bytes_of(2)
 
 
-def test_bad_starts_are_errors():
+def test_invalid_start_raises():
     with pytest.raises(ValueError, match="finite"):
         Rig(position=(NAN, 0.0, 0.0))

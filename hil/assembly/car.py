@@ -1,0 +1,41 @@
+"""The car's nodes: follower, driver with its gate, and the simulated car behind the wire."""
+
+from __future__ import annotations
+
+from groundcar.scout.dead_reckoning import DeadReckoning
+from groundcar.scout.driver import ScoutLink
+from groundcar.scout.follower import Follower
+from groundcar.scout.sim import ScoutSim
+from hil.assembly.board_motion import motion_aux, start_board, start_parameter
+from hil.assembly.parts import Parts
+from hil.nodes.car import CarDevice, CarFollower, CarLink
+from hil.safety.car_gate import CarGate
+from kernel.random import stream
+
+
+def car_device(parts: Parts) -> CarDevice:
+    """The simulated car at its start."""
+    sim = ScoutSim(parts.wires.car_device(), seed=parts.drawn.car_seed, pose=_start(parts))
+    return CarDevice(sim, parts.scenario.board.height, parts.inclination)
+
+
+def car_link(parts: Parts) -> CarLink:
+    """The driver of a simulated or real car."""
+    rig = parts.rig
+    seen = DeadReckoning(_start(parts), parts.scenario.board.height, parts.inclination)
+    seen_by_simulation = rig.groundcar.kind != "sim" and "sim" in (rig.camera.kind, rig.mocap.kind)
+    link = ScoutLink(parts.wires.car_link())
+    return CarLink(link, CarGate(rig.car_gate), seen if seen_by_simulation else None)
+
+
+def car_follower(parts: Parts) -> CarFollower:
+    """What drives the car along the scenario's motion."""
+    aux = motion_aux(parts.scenario, parts.drawn)
+    start = start_parameter(parts.scenario, parts.drawn, aux)
+    return CarFollower(Follower(aux, start, stream(parts.drawn.speed_seed)))
+
+
+def _start(parts: Parts) -> tuple[float, float, float]:
+    """Where the car waits: x, y m (world), heading rad."""
+    board = start_board(parts.scenario, parts.drawn)
+    return float(board[0]), float(board[1]), float(board[3])

@@ -1,0 +1,42 @@
+"""The nodes that know and decide: belief and policy of the vehicle, director and referee of the run."""
+
+from __future__ import annotations
+
+from hil.assembly.parts import Parts
+from hil.nodes.belief import BeliefNode
+from hil.nodes.director import Director
+from hil.nodes.policy import PolicyNode
+from hil.nodes.referee import Referee
+from policies.estimation.board_filter import BoardFilter
+from policies.task.contact import ContactRules
+
+PREPARE_LIMIT_NS = 90_000_000_000
+PREPARE_LIMIT_REAL_NS = 130_000_000_000  # a SITL lags behind wall time
+
+
+def belief(parts: Parts) -> BeliefNode:
+    return BeliefNode(BoardFilter())
+
+
+def policy(parts: Parts) -> PolicyNode:
+    return PolicyNode(parts.make_policy())
+
+
+def director(parts: Parts) -> Director:
+    limit_ns = PREPARE_LIMIT_NS if parts.rig.vehicle.kind == "sim" else PREPARE_LIMIT_REAL_NS
+    return Director(round(parts.scenario.car.lead * 1e9), limit_ns)
+
+
+def referee(parts: Parts) -> Referee:
+    """With the scenario's tolerances and workspace, and the airframe's contact disc."""
+    tolerance, space = parts.scenario.tolerance, parts.scenario.workspace
+    rules = ContactRules(
+        delta_d=tolerance.distance,
+        delta_v=tolerance.tangential_speed,
+        delta_theta=tolerance.angle,
+        ground_z=space.z[0],
+        workspace_xy=max(abs(limit) for limit in (*space.x, *space.y)),
+        workspace_z=space.z[1],
+        time_limit=parts.scenario.time_limit,
+    )
+    return Referee(rules, parts.frame.contact, parts.inclination)

@@ -1,0 +1,72 @@
+"""The vehicle's nodes: the driver with its gate, and the software PX4 behind the wire."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hil.assembly.parts import Parts
+from hil.nodes.vehicle import VehicleDevice, VehicleLink
+from hil.safety.vehicle_gate import VehicleGate
+from hil.wires.signing_key import read_signing_key
+from vehicle.px4.driver.driver import Px4Link
+from vehicle.px4.driver.types import LinkConfig, Signing
+from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.quadrotor import airframe_row
+from vehicle.quadrotor.wind import Wind
+
+# What lets the software PX4 fly on external poses alone, as it must be set on a real one before it boots.
+EXTERNAL_POSE_PARAMETERS = {
+    "EKF2_EV_CTRL": 11, "EKF2_GPS_CTRL": 0, "EKF2_HGT_REF": 3, "SYS_HAS_GPS": 0, "SENS_EN_GPSSIM": 0,
+}  # fmt: skip
+
+
+def vehicle_device(parts: Parts) -> VehicleDevice:
+    """The simulated vehicle, with the drawn errors of its mass, inertia, drag and thrust."""
+    drawn, frame = parts.drawn, parts.frame
+    x, y, _, yaw = parts.hover_start
+    params = frame.params_row()
+    params[airframe_row.MASS] *= drawn.mass_factor
+    params[airframe_row.INERTIA : airframe_row.INERTIA + 3] *= drawn.inertia_factor
+    params[airframe_row.DRAG : airframe_row.DRAG + 3] *= drawn.drag_factor
+    params[airframe_row.MOTOR_THRUST] *= drawn.mass_factor * drawn.thrust_to_weight_factor * drawn.thrust_gain
+    wire = parts.wires.vehicle_device()
+    parameters = EXTERNAL_POSE_PARAMETERS if parts.rig.vehicle.external_pose else None
+    sim = Px4Sim({"api": wire}, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, parameters=parameters, params_row=params)
+    return VehicleDevice(sim, _wind(parts))
+
+
+def vehicle_link(parts: Parts) -> VehicleLink:
+    """The driver of a simulated or real vehicle. Raises ValueError if the signing key cannot be read."""
+    rig = parts.rig
+    slot, real = rig.vehicle, rig.vehicle.kind != "sim"
+    config = LinkConfig(
+        start=parts.hover_start, hover_thrust=parts.frame.hover_thrust, steepest=parts.inclination,
+        hover_position=slot.hover_position, hover_speed=slot.hover_speed, hover_turning=slot.hover_turning,
+        external_vision=slot.external_pose,
+    )  # fmt: skip
+    if real:
+        config = replace(
+            config,
+            system=slot.system,
+            component=slot.component,
+            clock_drift=slot.clock_drift,
+            signing=_signing(slot.signing_key, parts.unix_ns),
+        )
+    seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
+    link = Px4Link(parts.wires.vehicle_link(), config)
+    virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
+    return VehicleLink(link, VehicleGate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board)
+
+
+def _wind(parts: Parts) -> Wind | None:
+    wind = parts.scenario.wind
+    if wind.gust == 0.0 and not any(wind.mean):
+        return None
+    return Wind(wind.mean, wind.gust, wind.gust_time, parts.drawn.wind_seed)
+
+
+def _signing(path: str, unix_ns: int) -> Signing | None:
+    """The signing of the vehicle's link with the key in the file `path`; None without one."""
+    if not path:
+        return None
+    return Signing(key=read_signing_key(path), epoch_ns=unix_ns)

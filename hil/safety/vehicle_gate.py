@@ -1,0 +1,96 @@
+"""The vehicle's safety gate: the last check of a command before the vehicle's wire. Pure: no clock, no I/O.
+
+A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped trips the gate: a number
+that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence or without fresh
+odometry; odometry that moves faster than the vehicle can; a board that has not been seen for seconds. A trip latches:
+nothing more is sent, and the autopilot's own failsafe acts on the missing commands.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hil.contract.messages import Action, Quat, Sent, VehicleState
+from hil.safety.limits import CLOCK_ERROR_NS, GateLimits
+
+_JUMP_M, _JUMP_RAD = 0.5, 0.5  # what an estimator may correct at once, on top of motion within the limits
+_UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
+
+
+class VehicleGate:
+    """One vehicle's gate. `check` returns what may be sent, or None if nothing may."""
+
+    def __init__(self, limits: GateLimits) -> None:
+        self._limits = limits
+        self.tripped = ""
+        self.refused = 0
+        self._before: VehicleState | None = None  # the odometry of the check before
+
+    def check(self, now_ns: int, action: Action, vehicle: VehicleState | None) -> Sent | None:
+        """`action` against the limits; `vehicle` is the newest odometry. A trip latches; `tripped` names its reason."""
+        if self.tripped:
+            return None
+        self.tripped = self._trip(now_ns, action, vehicle)
+        if self.tripped:
+            return None
+        self._before = vehicle
+        if not 0 <= now_ns - action.stamp_ns <= self._limits.command_age_ms * 1e6:
+            self.refused += 1
+            return None
+        bound = self._limits.rate
+        p, q, r = (min(bound, max(-bound, rate)) for rate in action.body_rate)
+        low, high = self._limits.thrust
+        thrust = min(high, max(low, action.thrust))
+        limited = (p, q, r) != tuple(action.body_rate) or thrust != action.thrust
+        return Sent(now_ns, (p, q, r), thrust, 0.0, limited, "")
+
+    def _trip(self, now_ns: int, action: Action, vehicle: VehicleState | None) -> str:
+        limits = self._limits
+        if not all(map(math.isfinite, (*action.body_rate, action.thrust))):
+            return "command is not finite"
+        if vehicle is None or now_ns - vehicle.stamp_ns > limits.odometry_age_ms * 1e6:
+            return f"no odometry younger than {limits.odometry_age_ms:g} ms"
+        if vehicle.stamp_ns - now_ns > CLOCK_ERROR_NS:
+            return f"odometry is stamped {(vehicle.stamp_ns - now_ns) * 1e-6:.1f} ms later than now"
+        if action.exposure_ns - now_ns > CLOCK_ERROR_NS:
+            return f"the command's picture is stamped {(action.exposure_ns - now_ns) * 1e-6:.1f} ms later than now"
+        blind = (now_ns - action.exposure_ns) * 1e-9
+        if blind > limits.blind:
+            return f"board not seen for {blind:.1f} s, limit {limits.blind:g}"
+        numbers = (*vehicle.position, *vehicle.velocity, *vehicle.orientation, *vehicle.body_rate)
+        if not all(map(math.isfinite, numbers)):
+            return "odometry is not finite"
+        if abs(math.hypot(*vehicle.orientation) - 1.0) > _UNIT_NORM:
+            return "odometry has no unit quaternion"
+        speed = math.hypot(*vehicle.velocity)
+        if speed > limits.speed:
+            return f"vehicle at {speed:.1f} m/s, limit {limits.speed:g}"
+        turning = math.hypot(*vehicle.body_rate)
+        if turning > limits.turning:
+            return f"vehicle turns at {turning:.1f} rad/s, limit {limits.turning:g}"
+        jump = self._jump(vehicle)
+        if jump:
+            return jump
+        for axis, value, (low, high) in zip("xyz", vehicle.position, (limits.x, limits.y, limits.z), strict=True):
+            if not low <= value <= high:
+                return f"vehicle outside its fence: {axis} = {value:.2f} m, allowed {low:g} to {high:g}"
+        return ""
+
+    def _jump(self, vehicle: VehicleState) -> str:
+        """Why `vehicle` cannot follow from the odometry before at the limits of speed and turning; empty if it can."""
+        before = self._before
+        if before is None:
+            return ""
+        elapsed = max(0, vehicle.stamp_ns - before.stamp_ns) * 1e-9
+        moved = math.dist(vehicle.position, before.position)
+        if moved > self._limits.speed * elapsed + _JUMP_M:
+            return f"odometry jumped by {moved:.2f} m within {elapsed * 1e3:.0f} ms"
+        turned = _angle_between(vehicle.orientation, before.orientation)
+        if turned > self._limits.turning * elapsed + _JUMP_RAD:
+            return f"odometry turned by {turned:.2f} rad within {elapsed * 1e3:.0f} ms"
+        return ""
+
+
+def _angle_between(a: Quat, b: Quat) -> float:
+    """The angle of the rotation from unit quaternion `a` to `b`, rad, 0 to pi."""
+    return 2.0 * math.acos(min(1.0, abs(sum(x * y for x, y in zip(a, b, strict=True)))))

@@ -1,0 +1,21 @@
+"""The one word for how a run ended, the same in lists, reports, campaigns and on the command line."""
+
+from __future__ import annotations
+
+PERCHED = "perched"
+ATTACHED = "attached, outside tolerance"
+MISSED = "missed"
+INCOMPLETE = "incomplete"
+
+_CUT_SHORT = ("interrupted", "failed")  # states of a manifest whose attempt says nothing about the policy
+
+
+def verdict_word(*, attached: bool, within_tolerance: bool, outcome: str, state: str = "finished") -> str:
+    """`perched`: attached and within tolerance. `missed`: not attached, also where the contact was within tolerance
+    (the paper's rule bounds neither the impact speed nor the magnet's reach). `incomplete`: nothing was decided, or
+    the run did not end by itself (`state` of its manifest)."""
+    if outcome == INCOMPLETE or state in _CUT_SHORT:
+        return INCOMPLETE
+    if attached:
+        return PERCHED if within_tolerance else ATTACHED
+    return MISSED

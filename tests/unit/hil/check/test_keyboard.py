@@ -1,0 +1,80 @@
+"""What is typed ahead of a question answers nothing, be it a key or a line."""
+
+import array
+import fcntl
+import os
+import pty
+import select
+import termios
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from hil.check.keyboard import Keyboard
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, int]]:
+    """(the typist's end, the program's end)"""
+    typist, program = pty.openpty()
+    yield typist, program
+    for end in (typist, program):
+        os.close(end)
+
+
+def queued(fd: int) -> int:
+    """Bytes that can be read now."""
+    count = array.array("i", [0])
+    fcntl.ioctl(fd, termios.FIONREAD, count)
+    return count[0]
+
+
+def typed(typist: int, program: int, text: str) -> None:
+    """Type, and wait until it has arrived."""
+    os.write(typist, text.encode())
+    assert select.select([program], [], [], 10)[0]
+
+
+def test_a_line_typed_ahead_is_not_the_answer(terminal, capsys):
+    typist, program = terminal
+    answers: list[str] = []
+    with os.fdopen(os.dup(program), "r") as stream:
+        typed(typist, program, "as always\n")
+        reader = threading.Thread(target=lambda: answers.append(Keyboard(stream).line("why? ")), daemon=True)
+        reader.start()
+        while queued(program) and reader.is_alive():  # until it was thrown away, or taken for the answer
+            pass
+        os.write(typist, b"  a loose screw \n")
+        reader.join(30)
+    assert answers == ["a loose screw"]
+
+
+def test_a_key_typed_ahead_is_not_the_answer(terminal):
+    typist, program = terminal
+    with os.fdopen(os.dup(program), "r") as stream:
+        typed(typist, program, "p\n")
+        # the prompt is shown when what was typed ahead is gone: what is pressed from then on counts
+        assert Keyboard(stream).key("pf", lambda: typed(typist, program, "f")) == "f"
+        lines = termios.tcgetattr(program)[3] & termios.ICANON
+    assert lines  # the terminal is as it was
+
+
+@pytest.mark.parametrize("pressed", ["\x1b[A", "ppp", "x"])
+def test_arrow_keys_pasted_text_and_other_keys_are_no_answer(terminal, pressed):
+    typist, program = terminal
+    shown: list[bool] = []
+
+    def prompt() -> None:
+        typed(typist, program, pressed)
+        shown.append(True)
+
+    with os.fdopen(os.dup(program), "r") as stream:
+        reader_done: list[str] = []
+        reader = threading.Thread(target=lambda: reader_done.append(Keyboard(stream).key("pf", prompt)), daemon=True)
+        reader.start()
+        while not shown or queued(program):
+            pass
+        os.write(typist, b"f")
+        reader.join(30)
+    assert reader_done == ["f"]

@@ -1,0 +1,87 @@
+"""Columns that are read without decoding hold what decoding gives; a long recording keeps its peaks."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.contract.codec import codec
+from hil.contract.messages import Belief, Event, Sent, VehicleState
+from hil.recording.reader import Recording
+from hil.recording.recorder import Recorder
+from hil.report.drawing.charts import thin
+from hil.report.recorded.columns import Columns, Messages
+from hil.report.recorded.flight import load
+from hil.report.recorded.read import read_columns
+from tests.paths import GOLDEN_RUN
+
+FLOATS = st.floats(width=64)
+SENT = st.builds(
+    Sent, st.integers(-(2**63), 2**63 - 1), st.tuples(FLOATS, FLOATS, FLOATS), FLOATS, FLOATS, st.booleans(),
+    st.text(max_size=5),
+)  # fmt: skip
+
+
+def packed(kind, datas):
+    offsets = np.concatenate([[0], np.cumsum([len(data) for data in datas])]).astype(np.int64)
+    return Messages(kind, b"".join(datas), offsets)
+
+
+def columns(kind, messages):
+    return Columns(np.arange(len(messages)), packed(kind, [codec(kind).encode(one) for one in messages]))
+
+
+@given(st.lists(SENT, min_size=1, max_size=40))
+def test_every_field_is_what_the_messages_say(messages):
+    read = columns(Sent, messages)
+    assert read.messages.faults() == {}
+    np.testing.assert_array_equal(read.nanoseconds(), [m.stamp_ns for m in messages])
+    np.testing.assert_array_equal(read["body_rate"], [m.body_rate for m in messages])
+    np.testing.assert_array_equal(read["thrust"], [m.thrust for m in messages])
+    np.testing.assert_array_equal(read["limited"], [float(m.limited) for m in messages])
+    assert [text.rstrip("\0") for text in read["tripped"]] == [m.tripped.rstrip("\0") for m in messages]
+
+
+def test_a_recorded_flight_reads_equal_both_ways():
+    for topic, read in load(GOLDEN_RUN).topics.items():
+        for name in (f.name for f in dataclasses.fields(read.messages.kind)):
+            values = [getattr(message, name) for message in read.messages]
+            assert len(read) == len(values), topic
+            if isinstance(values[0], int | float | str):
+                np.testing.assert_array_equal(read[name], np.array(values), err_msg=f"{topic} {name}")
+
+
+def test_a_variance_of_changing_length_is_no_array():
+    one = Belief(0, True, (0.0,) * 3, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, (1.0, 2.0), 0.0, 0, 0.0)
+    read = columns(Belief, [one, dataclasses.replace(one, variance=(1.0,))])["variance"]
+    assert read.dtype == object and read.tolist() == [(1.0, 2.0), (1.0,)]
+
+
+def test_a_damaged_message_is_named_and_its_neighbours_are_not():
+    good = codec(Event).encode(Event(5, "info", "a", "b"))
+    bad = good[:-1] + b"\xff"  # no UTF-8
+    assert list(packed(Event, [good, bad, good, b"\xff"]).faults()) == [1, 3]
+
+
+def test_poses_of_a_long_recording_are_kept_at_50_hz_but_for_its_last_two_minutes(tmp_path):
+    with Recorder(tmp_path / "run.mcap") as recorder:
+        for t in range(0, 150_000_000_000, 4_000_000):
+            recorder(t, "truth/vehicle", VehicleState(t, (0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3))
+    read = read_columns(Recording(tmp_path / "run.mcap"), ["truth/vehicle"])["truth/vehicle"]
+    early = read.log_ns < read.log_ns[-1] - 120_000_000_000
+    assert np.diff(read.log_ns[early]).tolist() == [20_000_000] * (int(early.sum()) - 1) and early.sum() == 1500
+    assert (np.diff(read.log_ns[~early]) == 4_000_000).all()
+    assert len(read.published_ns) == 250 * 150
+
+
+def test_a_drawn_series_keeps_its_peaks():
+    t = np.arange(0, 1800_000_000_000, 10_000_000)
+    y = np.sin(t / 1e9)
+    y[[777, 90_001]] = 50.0, -50.0
+    y[1234] = np.nan
+    recorded = SimpleNamespace(window_ns=(0, int(t[-1])), span_ns=(0, int(t[-1])), topics={})
+    keep = thin(recorded, t, y)  # type: ignore[arg-type]
+    assert {777, 90_001} <= set(keep.tolist()) and len(keep) < 20_000
+    assert (np.diff(keep) > 0).all()

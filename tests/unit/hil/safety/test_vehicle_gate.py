@@ -1,0 +1,186 @@
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from hil.contract.messages import Action, VehicleState
+from hil.safety.limits import GateLimits
+from hil.safety.vehicle_gate import VehicleGate
+
+NOW = 5_000_000_000
+MS = 1_000_000
+LIMITS = GateLimits()
+
+
+def action(rate=(0.1, -0.2, 0.3), thrust=9.8, age_ms=0.0, seen_ms=40.0):
+    return Action(NOW - round(age_ms * MS), True, rate, thrust, "network", NOW - round(seen_ms * MS), 1.0)
+
+
+def vehicle(position=(0.0, 0.0, 2.0), velocity=(1.0, 0.0, 0.0), age_ms=10.0):
+    return VehicleState(NOW - round(age_ms * MS), position, velocity, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def test_a_good_command_passes_unchanged():
+    gate = VehicleGate(LIMITS)
+    sent = gate.check(NOW, action(), vehicle())
+    assert sent is not None
+    assert (sent.body_rate, sent.thrust, sent.limited, sent.tripped) == ((0.1, -0.2, 0.3), 9.8, False, "")
+    assert sent.stamp_ns == NOW
+    assert (gate.tripped, gate.refused) == ("", 0)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_each_rate_is_clipped_to_its_limit_and_marked(axis, sign):
+    rate = [0.0, 0.0, 0.0]
+    rate[axis] = sign * (LIMITS.rate + 0.5)
+    sent = VehicleGate(LIMITS).check(NOW, action(tuple(rate)), vehicle())
+    assert sent is not None
+    assert sent.limited
+    assert sent.body_rate[axis] == sign * LIMITS.rate
+    assert [sent.body_rate[other] for other in range(3) if other != axis] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("asked", "sent_thrust"), [(0.0, 2.0), (-3.0, 2.0), (25.0, 18.0), (1e9, 18.0)])
+def test_thrust_is_clipped_and_marked(asked, sent_thrust):
+    sent = VehicleGate(LIMITS).check(NOW, action(thrust=asked), vehicle())
+    assert sent is not None
+    assert (sent.thrust, sent.limited) == (sent_thrust, True)
+
+
+@given(st.tuples(*[st.floats(-50, 50)] * 3), st.floats(-50, 50))
+def test_what_is_sent_is_always_within_the_limits_and_marked_if_changed(rate, thrust):
+    sent = VehicleGate(LIMITS).check(NOW, action(rate, thrust), vehicle())
+    assert sent is not None
+    assert all(abs(r) <= LIMITS.rate for r in sent.body_rate)
+    assert LIMITS.thrust[0] <= sent.thrust <= LIMITS.thrust[1]
+    assert sent.limited == ((sent.body_rate, sent.thrust) != (rate, thrust))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", range(4))
+def test_a_command_that_is_not_finite_trips(bad, field):
+    numbers = [0.0, 0.0, 0.0, 9.8]
+    numbers[field] = bad
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(tuple(numbers[:3]), numbers[3]), vehicle()) is None
+    assert gate.tripped == "command is not finite"
+
+
+@pytest.mark.parametrize(
+    ("state", "reason"),
+    [
+        (None, "no odometry younger than 200 ms"),
+        (vehicle(age_ms=200.1), "no odometry younger than 200 ms"),
+        (vehicle(velocity=(5.0, -5.0, 4.0)), "vehicle at 8.1 m/s, limit 8"),
+        (replace(vehicle(), body_rate=(-8.0, 8.0, 5.0)), "turns at 12.4 rad/s, limit 12"),
+        (vehicle((-25.1, 0.0, 2.0)), "outside its fence: x = -25.10 m"),
+        (vehicle((0.0, 25.1, 2.0)), "outside its fence: y = 25.10 m"),
+        (vehicle((0.0, 0.0, 0.2)), "outside its fence: z = 0.20 m, allowed 0.3 to 9"),
+        (vehicle((0.0, 0.0, 9.1)), "outside its fence: z = 9.10 m"),
+        (vehicle((math.nan, 0.0, 2.0)), "odometry is not finite"),
+        (vehicle(velocity=(0.0, math.inf, 0.0)), "odometry is not finite"),
+        (replace(vehicle(), orientation=(math.nan, 0.0, 0.0, 0.0)), "odometry is not finite"),
+        (replace(vehicle(), body_rate=(0.0, 0.0, math.nan)), "odometry is not finite"),
+        (vehicle(age_ms=-5.1), "odometry is stamped 5.1 ms later than now"),
+        (vehicle(age_ms=-3_600_000.0), "odometry is stamped 3600000.0 ms later than now"),
+        (replace(vehicle(), orientation=(0.0, 0.0, 0.0, 0.0)), "odometry has no unit quaternion"),
+    ],
+)
+def test_a_vehicle_that_must_not_fly_on_trips_and_the_trip_latches(state, reason):
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(), state) is None
+    assert reason in gate.tripped
+    first = gate.tripped
+    assert gate.check(NOW, action(), vehicle()) is None, "all is well again, and still nothing may be sent"
+    assert gate.tripped == first
+
+
+def test_a_vehicle_that_has_not_seen_the_board_for_seconds_does_not_fly_on():
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(seen_ms=3000.0), vehicle()) is not None
+    assert gate.check(NOW, action(seen_ms=3060.0), vehicle()) is None
+    assert gate.tripped == "board not seen for 3.1 s, limit 3"
+    assert gate.check(NOW, action(), vehicle()) is None, "the trip latches"
+
+
+@pytest.mark.parametrize("seen_ms", [-5.1, -3_600_000.0])
+def test_gate_trips_on_a_picture_stamped_later_than_now(seen_ms):
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(seen_ms=seen_ms), vehicle()) is None
+    assert gate.tripped == f"the command's picture is stamped {-seen_ms:.1f} ms later than now"
+
+
+def test_stamps_within_the_error_of_clocks_pass():
+    assert VehicleGate(LIMITS).check(NOW, action(seen_ms=-4.9), vehicle(age_ms=-4.9)) is not None
+
+
+@pytest.mark.parametrize(
+    ("moved", "angle", "after_ms", "reason"),
+    [
+        (24.0, 0.0, 10.0, "odometry jumped by 24.00 m within 10 ms"),
+        (0.59, 0.0, 10.0, "odometry jumped by 0.59 m within 10 ms"),
+        (0.57, 0.0, 10.0, ""),  # 8 m/s for 10 ms, and 0.5 m
+        (1.2, 0.0, 100.0, ""),
+        (0.0, 0.63, 10.0, "odometry turned by 0.63 rad within 10 ms"),
+        (0.0, 0.61, 10.0, ""),  # 12 rad/s for 10 ms, and 0.5 rad
+        (0.0, math.pi, 10.0, "odometry turned by 3.14 rad within 10 ms"),
+    ],
+)
+def test_gate_trips_on_odometry_that_moves_faster_than_the_vehicle_can(moved, angle, after_ms, reason):
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(), vehicle(age_ms=after_ms)) is not None
+    turned = (math.cos(angle / 2), 0.0, math.sin(angle / 2), 0.0)
+    sent = gate.check(NOW, action(), replace(vehicle((moved, 0.0, 2.0), age_ms=0.0), orientation=turned))
+    assert (sent is None) == bool(reason)
+    assert gate.tripped == reason
+
+
+def test_the_sign_of_a_quaternion_is_no_jump():
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(), vehicle()) is not None
+    assert gate.check(NOW, action(), replace(vehicle(age_ms=0.0), orientation=(-1.0, 0.0, 0.0, 0.0))) is not None
+
+
+def test_limits_themselves_are_allowed():
+    state = replace(vehicle((25.0, -25.0, 0.3), (8.0, 0.0, 0.0), age_ms=200.0), body_rate=(12.0, 0.0, 0.0))
+    sent = VehicleGate(LIMITS).check(NOW, action((4.0, -4.0, 4.0), 18.0, age_ms=50.0), state)
+    assert sent is not None
+    assert not sent.limited
+
+
+@pytest.mark.parametrize("age_ms", [50.1, 1000.0, -0.1])
+def test_a_late_command_is_not_sent_but_does_not_trip(age_ms):
+    gate = VehicleGate(LIMITS)
+    assert gate.check(NOW, action(age_ms=age_ms), vehicle()) is None
+    assert (gate.tripped, gate.refused) == ("", 1)
+    assert gate.check(NOW, action(), vehicle()) is not None
+    assert gate.refused == 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"z": (9.0, 0.3)},
+        {"x": (1.0, 1.0)},
+        {"thrust": (-1.0, 18.0)},
+        {"rate": 0.0},
+        {"speed": math.nan},
+        {"y": (-math.inf, 1.0)},
+        {"command_age_ms": 0.0},
+        {"blind": 0.0},
+        {"heighth": 3.0},
+    ],
+)
+def test_limits_that_limit_nothing_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        GateLimits(**wrong)
+
+
+def test_motors_may_be_let_stop():
+    sent = VehicleGate(GateLimits(thrust=(0.0, 18.0))).check(NOW, action(thrust=-1.0), vehicle())
+    assert sent is not None
+    assert (sent.thrust, sent.limited) == (0.0, True)
