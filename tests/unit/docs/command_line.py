@@ -9,12 +9,12 @@ from typing import Any
 
 from typer.main import get_command
 
+from hil.assembly.node_table import service_nodes
 from hil.assembly.rig import load_rig
 from hil.check.checklist import load_checklist
 from hil.cli.main import app
 from hil.contract.topics import TOPICS
 from hil.live.options import check_endpoint
-from hil.live.spec import services
 from policies.evaluation.contenders import NAMES
 from policies.flying.shipped import FLYABLE
 from scenarios.spec import load
@@ -74,7 +74,7 @@ def look_at_values(got: dict[str, Any]) -> None:
 
         load_recipe(got["recipe"])
     for service in [*(got.get("remote") or ()), *([got["service"]] if got.get("service") else ())]:
-        assert service in services(load_rig(rig or "sim")), f"no service {service}"
+        assert service in service_nodes(load_rig(rig or "sim")), f"no service {service}"
     if got.get("endpoint"):
         check_endpoint(got["endpoint"], Path(keys) if keys else None)
     for ignored in got.get("ignore") or ():
