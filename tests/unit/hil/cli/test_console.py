@@ -150,3 +150,7 @@ def test_a_simulated_row_may_be_compared_with():
 @pytest.mark.parametrize("name", list_scenarios())
 def test_every_scenario_can_be_shown(name):
     assert "published" in shown(run_table(score(scenario=name), load(name), real_time_factor=1.0))
+
+
+def test_a_seed_within_tolerance_that_is_not_attached_is_missed():
+    assert lines(shown(seeds_table(load("hard-i"), [score(attached=False)])), "0 ")[1] == "missed"

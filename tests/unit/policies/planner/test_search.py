@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from policies.planner import polynomial as poly
 from policies.planner import search as ps
 from policies.planner.policy import planner_params
-from policies.prediction.future import CTRV, HORIZON, STEP, board_at, predict_future
+from policies.prediction.future import HORIZON, STEP, board_at, predict_future
 from vehicle.quadrotor.airframe import GRAVITY, load_airframe
 
 PARAMS = planner_params(load_airframe("paper_quad"))
@@ -17,7 +17,7 @@ ROW = PARAMS.row()
 
 def scene(inclination, speed, turn, behind=1.8, above=0.8):
     future = np.zeros((HORIZON, 8))
-    predict_future(np.array([0, 0, 1.5, 0.4, speed, turn, inclination, 0.0]), CTRV, 1.0, STEP, future)
+    predict_future(np.array([0, 0, 1.5, 0.4, speed, turn, inclination, 0.0]), 1.0, STEP, future)
     c, s = math.cos(0.4), math.sin(0.4)
     start = np.array([-behind * c, -behind * s, 1.5 + above, speed * c, speed * s, 0, 0, 0, 0.0])
     return future, start
