@@ -1,4 +1,5 @@
-PYTHON ?= python3.11
+# The first of these that is installed; all pinned packages have wheels for each.
+PYTHON ?= $(firstword $(foreach v,3.11 3.12 3.13,$(shell command -v python$(v))) python3)
 VENV := .venv
 BIN := $(VENV)/bin
 
@@ -32,13 +33,13 @@ live: $(VENV)/test ## test the live host, in real time: on a machine that does n
 
 MINUTES ?= 10
 
-soak: $(VENV)/core ## one long live run (MINUTES=10): is memory flat, does nobody fall behind
+soak: $(VENV)/core ## one long live run (MINUTES=10): is memory flat, is lateness steady
 	$(BIN)/perch-hil soak --minutes $(MINUTES)
 
 lint: $(VENV)/dev ## ruff, format and pyright, as pre-commit runs them
 	$(BIN)/pre-commit run --all-files --show-diff-on-failure
 
-format: $(VENV)/dev ## let ruff mend what it can
+format: $(VENV)/dev ## let ruff correct what it can
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
@@ -55,11 +56,11 @@ TRAINED := training_runs
 DEVICE ?= cpu
 LEARN = train --stage $(1) --device $(DEVICE) --out $(TRAINED)/$(1) $(if $(wildcard $(TRAINED)/$(1)/checkpoint.pt),--resume)
 
-train: $(VENV)/test ## both networks and their tables (DEVICE=cuda: on a GPU); stopped: again goes on
-	$(BIN)/perch-hil $(call LEARN,state)
-	$(BIN)/perch-hil $(call LEARN,vision)
-	$(BIN)/perch-hil evaluate $(TRAINED)/state/policy.onnx
-	$(BIN)/perch-hil evaluate $(TRAINED)/vision/policy.onnx
+train: $(VENV)/test ## both networks and their tables (DEVICE=cuda: on a GPU); after a stop the same command goes on
+	$(BIN)/perch-hil policy $(call LEARN,state)
+	$(BIN)/perch-hil policy $(call LEARN,vision)
+	$(BIN)/perch-hil policy evaluate $(TRAINED)/state/policy.onnx
+	$(BIN)/perch-hil policy evaluate $(TRAINED)/vision/policy.onnx
 
 clean: ## remove the virtual environment and caches (not the runs)
 	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache

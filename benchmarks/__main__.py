@@ -15,7 +15,7 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
-from hil.cli.flights import Plan
+from hil.assembly.plan import Plan
 from hil.host import lockstep
 from hil.host.flight import fly
 from hil.recording import provenance

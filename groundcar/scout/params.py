@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from kernel.toml_errors import load_toml
 
 PARAMS_PATH = Path(__file__).parent / "scout_mini.toml"
 
@@ -130,11 +131,5 @@ class ScoutParams(_Table):
 
 
 def load_scout(path: Path = PARAMS_PATH) -> ScoutParams:
-    """The car's parameters. Raises ValueError that names the file and every faulty key."""
-    try:
-        return ScoutParams.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path}: {error}") from error
-    except ValidationError as error:
-        faults = "; ".join(f'key "{".".join(map(str, e["loc"]))}": {e["msg"]}' for e in error.errors())
-        raise ValueError(f"{path}: {faults}") from error
+    """The car's parameters. Raises ConfigError that names the file and every faulty key."""
+    return load_toml(path, ScoutParams)

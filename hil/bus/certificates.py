@@ -115,7 +115,7 @@ def _load(path: Path) -> x509.Certificate:
 
 
 def _missing(path: Path, error: OSError) -> str:
-    return f"{path} cannot be read ({error.strerror}): `perch-hil keys {path.parent}` makes the files"
+    return f"{path} cannot be read ({error.strerror}): `perch-hil bus keys {path.parent}` makes the files"
 
 
 def _name(common: str) -> x509.Name:

@@ -27,7 +27,7 @@ class Credentials(NamedTuple):
 
 
 def credentials_in(folder: Path, identity: str) -> Credentials:
-    """Where the files of `identity` lie in a folder of `perch-hil keys`."""
+    """Where the files of `identity` lie in a folder of `perch-hil bus keys`."""
     return Credentials(folder / "ca.crt", folder / f"{identity}.crt", folder / f"{identity}.key")
 
 
@@ -109,8 +109,8 @@ def open_leaf(endpoint: str, credentials: Credentials | None = None, timeout_s: 
         if credentials is not None:
             hint = (
                 f", or is {credentials.certificate} of another authority than the hub's, or does the hub's "
-                "certificate not name this address (`perch-hil keys --host`)?"
+                "certificate not name this address (`perch-hil bus keys --host`)?"
             )
         elif endpoint.startswith("tls/"):
             hint = "; one that listens on tls/ lets no process in without --keys"
-        raise BusError(f"no hub answers at {endpoint}: start one with `perch-hil hub`{hint}") from None
+        raise BusError(f"no hub answers at {endpoint}: start one with `perch-hil bus hub`{hint}") from None

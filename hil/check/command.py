@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import getpass
+import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,10 +27,8 @@ from hil.check.crew_key import load_crew_key
 from hil.check.junit import write_junit
 from hil.check.keyboard import Keyboard
 from hil.check.operator_terminal import OperatorTerminal
-from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, USAGE, Record, RecordError, iso, passed
+from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, Record, RecordError, iso, passed
 from hil.check.session import Session, list_subject, new_record
-from hil.recording.provenance import ProvenanceError
-from kernel.toml_errors import ConfigError
 from policies.flying.registry import policy_factory
 from policies.flying.shipped import policy_file
 from scenarios.spec import load
@@ -53,7 +52,7 @@ class CheckRequest:
     fresh: bool
     run: Path | None
     out: Path
-    json_file: Path | None
+    as_json: bool
     junit_file: Path | None
     endpoint: str = ""
     keys: Path | None = None
@@ -61,30 +60,21 @@ class CheckRequest:
 
 
 def run_checklist(request: CheckRequest) -> int:
-    """Load the list, run it, sign, write and print the record; returns the exit code."""
-    try:
-        key = load_crew_key(request.crew_key) if request.crew_key is not None else None
-        checklist = load_checklist(request.list_name)
-        context, about = _context(request)
-        path, record = _open_record(request, checklist, list_subject(checklist, about))
-        terminal = OperatorTerminal(Console(), Keyboard(), request.operator or "")
-        operator = request.operator or (terminal.operator(_login()) if terminal.interactive else "")
-        with _locked(path), closing_devices(context):
-            return _run_session(
-                request,
-                Session(checklist, context, record, path, terminal, operator),
-                record,
-                path,
-                terminal,
-                operator,
-                key,
-            )
-    except (ConfigError, ProvenanceError, RecordError, ValueError) as error:
-        print(f"perch-hil: {error}", file=sys.stderr)
-        return USAGE
-    except (KeyboardInterrupt, EOFError):
-        print("\nperch-hil: aborted before the first item", file=sys.stderr)
-        return ABORTED
+    """Load the list, run it, sign, write and print the record; returns the exit code.
+
+    Raises ValueError (ConfigError, RecordError) for a list, rig, policy, key or record that cannot be used,
+    ProvenanceError for a checkout that git cannot describe, KeyboardInterrupt or EOFError if it is left before the
+    first item.
+    """
+    key = load_crew_key(request.crew_key) if request.crew_key is not None else None
+    checklist = load_checklist(request.list_name)
+    context, about = _context(request)
+    path, record = _open_record(request, checklist, list_subject(checklist, about))
+    terminal = OperatorTerminal(Console(stderr=request.as_json), Keyboard(), request.operator or "")
+    operator = request.operator or (terminal.operator(_login()) if terminal.interactive else "")
+    session = Session(checklist, context, record, path, terminal, operator)
+    with _locked(path), closing_devices(context):
+        return _run_session(request, session, record, path, terminal, operator, key)
 
 
 def _run_session(
@@ -182,8 +172,8 @@ def _print_resuming(path: Path, record: Record) -> None:
 
 
 def _outputs(request: CheckRequest, record: Record) -> None:
-    if request.json_file is not None:
-        records.write(request.json_file, record)
+    if request.as_json:
+        print(json.dumps(record.as_dict(), allow_nan=False), flush=True)
     if request.junit_file is not None:
         try:
             write_junit(request.junit_file, record)
@@ -222,8 +212,14 @@ def _login() -> str:
         return ""
 
 
-def print_names() -> None:
+def print_names(as_json: bool) -> None:
     """The automatic checks: name, unit, arguments, what they read."""
+    if as_json:
+        rows = [
+            {"name": c.name, "unit": c.unit, "arguments": [*c.arguments], "about": c.about} for c in checks().values()
+        ]
+        print(json.dumps(rows))
+        return
     table = Table(box=box.SIMPLE_HEAD)
     for column in ("check", "unit", "arguments", "reads"):
         table.add_column(column, overflow="fold")

@@ -16,7 +16,7 @@ def recording(context: Context) -> Reading:
     run, found = _recording(context)
     faults = found.faults if not found.complete or found.faults else []
     if faults:
-        return Reading("damaged", f"{faults[0]}; try: perch-hil recover {run.path}", str(run.path), ok=False)
+        return Reading("damaged", f"{faults[0]}; try: perch-hil runs recover {run.path}", str(run.path), ok=False)
     return Reading("complete", "", str(run.path), ok=True)
 
 

@@ -20,7 +20,7 @@ from hil.check.judge import Outcome, Value
 
 FORMAT = 1
 _LARGEST = 16 << 20  # bytes of a record
-GO, NO_GO, USAGE, ABORTED, INCOMPLETE = range(5)
+GO, NO_GO, ABORTED, INCOMPLETE = 0, 1, 3, 4  # exit codes of `perch-hil check`; 2 is usage, as everywhere
 VERDICTS = {GO: "go", NO_GO: "no-go", INCOMPLETE: "incomplete"}
 
 

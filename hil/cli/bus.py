@@ -1,37 +1,34 @@
-"""Commands of the bus: `keys`, `hub`, `node`, `status`."""
+"""`perch-hil bus keys|hub|node|status`: the bus of a live run, when it spans hosts or is to be closed."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from hil.cli.options import COULD_NOT_RUN, fail
-
-if TYPE_CHECKING:
-    from hil.bus.leaf import Credentials
-
-_ENDPOINT = "tcp/127.0.0.1:7447"
-_Keys = Annotated[Path | None, typer.Option(help="folder of `perch-hil keys`: the bus is closed, on tls/")]
+from hil.cli.groups import add_group
+from hil.cli.options import (
+    COULD_NOT_RUN,
+    DIFFERENT,
+    OK,
+    POLICIES,
+    Camera,
+    Endpoint,
+    Json,
+    Keys,
+    Rig,
+    credentials,
+    fail,
+    hub_endpoint,
+)
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    for command in (keys, hub, node, status):
-        app.command(command.__name__)(command)
-
-
-def _default_endpoint(keys: Path | None) -> str:
-    return _ENDPOINT if keys is None else _ENDPOINT.replace("tcp/", "tls/")
-
-
-def _credentials(keys: Path | None, identity: str) -> Credentials | None:
-    from hil.bus.leaf import credentials_in
-
-    return None if keys is None else credentials_in(keys, identity)
+    """Add the group."""
+    commands = {"keys": keys, "hub": hub, "node": node, "status": status}
+    add_group(app, "bus", "A live run's bus: keys, hub, services on other hosts, status.", commands)
 
 
 def keys(
@@ -40,8 +37,9 @@ def keys(
         list[str] | None, typer.Option(help="address or name at which other hosts reach the hub; may be repeated")
     ] = None,
 ) -> None:
-    """Make the keys and certificates that close a bus: one authority, and one identity a service.
+    """Make the keys and certificates that close a bus.
 
+    One authority, and one identity for each service.
     Give a host ca.crt and the .crt and .key of what it runs; keep ca.key away from all of them.
     """
     from hil.assembly.node_table import SERVICES
@@ -53,31 +51,33 @@ def keys(
     except KeysError as error:
         raise fail(str(error)) from None
     print(f"{len(files)} files in {folder}, valid for {DAYS} days: perch-hil run SCENARIO --live --keys {folder}")
-    print(f"keep {folder / 'ca.key'} in a safe place: whoever has it can join as anybody")
+    print(f"keep {folder / 'ca.key'} in a safe place: it signs certificates for any identity on this bus")
 
 
 def hub(
-    listen: Annotated[
-        str | None, typer.Option(help=f"tcp/HOST:PORT; this host's address lets others in [default: {_ENDPOINT}]")
-    ] = None,
-    keys: _Keys = None,
-    rig: Annotated[str, typer.Option(help="with --keys: whose services are let in, and what each may read")] = "sim",
+    endpoint: Endpoint = None,
+    keys: Keys = None,
+    rig: Rig = "sim",
 ) -> None:
-    """Serve the bus until Ctrl-C. Without --keys everybody who can reach the port can use it."""
+    """Serve the bus until Ctrl-C.
+
+    Without --keys it is open to every process that can reach the port.
+
+    With --keys only the services of --rig are let in, and each reads and writes only what the table of topics allows.
+
+    Exit code: 0 ended by Ctrl-C, 2 usage or configuration, 3 the address cannot be served.
+    """
     from hil.assembly.node_table import service_nodes
     from hil.assembly.rig import load_rig
     from hil.bus.keys import access_control
     from hil.bus.leaf import BusError
     from hil.live.hub import serve_hub
-    from hil.live.options import check_endpoint, check_identities
 
-    endpoint = listen or _default_endpoint(keys)
     try:
-        check_endpoint(endpoint, keys)
-        check_identities(keys, ["hub"])
+        address, own = hub_endpoint(endpoint, keys), credentials(keys, ["hub"])
         access = access_control(service_nodes(load_rig(rig))) if keys is not None else None
-        print(f"hub on {endpoint}, end it with Ctrl-C", file=sys.stderr)
-        serve_hub(endpoint, _credentials(keys, "hub"), access, with_parent=False)
+        print(f"hub on {address}, end it with Ctrl-C", file=sys.stderr)
+        serve_hub(address, own, access, with_parent=False)
     except ValueError as error:
         raise fail(str(error)) from None
     except BusError as error:
@@ -87,35 +87,39 @@ def hub(
 def node(
     service: Annotated[str, typer.Argument(help="a service of the rig: brain, detector, camera, ...")],
     scenario: Annotated[str, typer.Option(help="the run's scenario")],
-    rig: Annotated[str, typer.Option(help="the run's rig")] = "sim",
+    rig: Rig = "sim",
     seed: Annotated[int, typer.Option(help="the run's seed")] = 0,
-    policy: Annotated[str | None, typer.Option(help="the run's policy [default: the rig's]")] = None,
-    camera: Annotated[Literal["pictures", "model"] | None, typer.Option(help="the run's camera")] = None,
-    connect: Annotated[str | None, typer.Option(help=f"the hub's endpoint [default: {_ENDPOINT}]")] = None,
-    keys: _Keys = None,
+    policy: Annotated[
+        str | None, typer.Option(help=f"the run's policy: {POLICIES} or PATH.onnx [default: the rig's]")
+    ] = None,
+    camera: Camera = None,
+    endpoint: Endpoint = None,
+    keys: Keys = None,
     wait: Annotated[float, typer.Option(min=1, max=3600, help="how long to wait for the hub, s")] = 60.0,
     receipts: Annotated[
-        Path | None, typer.Option(help="folder for its receipts, which `perch-hil replay` wants in the run's folder")
+        Path | None,
+        typer.Option(help="folder for its receipts, which `perch-hil runs replay` needs in the run's folder"),
     ] = None,
 ) -> None:
-    """Serve one piece of a live run on this host, for one run started elsewhere with --remote.
+    """Serve one service of a run that another host started.
+
+    That run names it by --remote.
+    Scenario, rig, seed, policy and camera must be the run's: it refuses others.
 
     Exit code: 0 the run is over, 2 usage or configuration, 3 no hub, the run's host was lost, or a device is not there.
     """
     from hil.bus.leaf import BusError
     from hil.live.main import serve
-    from hil.live.options import check_endpoint, check_identities, check_service
+    from hil.live.options import check_identities, check_service
     from hil.live.spec import LiveSpec
     from hil.live.wires import free_ports
     from hil.recording.recorder import RecordingError
     from hil.wires import WireError
 
-    endpoint = connect or _default_endpoint(keys)
     try:
-        check_endpoint(endpoint, keys)
         spec = LiveSpec(
-            scenario=scenario, rig=rig, policy=policy, camera=camera, seed=seed, endpoint=endpoint, ports=free_ports(),
-            pictures="none", folder=receipts, keys=keys,
+            scenario=scenario, rig=rig, policy=policy, camera=camera, seed=seed, endpoint=hub_endpoint(endpoint, keys),
+            ports=free_ports(), pictures="none", folder=receipts, keys=keys,
         )  # fmt: skip
         plan = spec.plan()
         check_service(plan.rig, service)
@@ -131,27 +135,31 @@ def node(
 
 
 def status(
-    connect: Annotated[str | None, typer.Option(help=f"the hub's endpoint [default: {_ENDPOINT}]")] = None,
+    endpoint: Endpoint = None,
     seconds: Annotated[float, typer.Option(min=0.5, max=60, help="how long to listen")] = 2.0,
-    keys: _Keys = None,
+    keys: Keys = None,
+    as_json: Json = False,
 ) -> None:
-    """Who is up on a bus, and every topic's rate and age against the contract.
+    """List services, and every topic's rate and age.
 
-    Exit code: 0 if every topic that is published keeps its age, 1 if one does not, 3 without a hub.
+    Rates and ages stand beside what the table of topics asks for.
+
+    Exit code: 0 if every topic that is published keeps its age, 1 if one does not, 2 usage, 3 without a hub.
     """
     from hil.bus.leaf import BusError
     from hil.bus.status import listen, status_tables
-    from hil.live.options import check_endpoint, check_identities
+    from hil.cli.screen import print_json, screen
 
-    endpoint = connect or _default_endpoint(keys)
     try:
-        check_endpoint(endpoint, keys)
-        check_identities(keys, ["status"])
-        seen = listen(endpoint, seconds, _credentials(keys, "status"))
+        seen = listen(hub_endpoint(endpoint, keys), seconds, credentials(keys, ["status"]))
     except ValueError as error:
         raise fail(str(error)) from None
     except BusError as error:
         raise fail(str(error), COULD_NOT_RUN) from None
-    for table in status_tables(seen):
-        Console().print(table)
-    raise typer.Exit(0 if seen.fresh else 1)
+    if as_json:
+        topics = {name: {"hz": hz, "age_ms": age} for name, (hz, age) in seen.topics.items()}
+        print_json({"fresh": seen.fresh, "services": seen.services, "topics": topics})
+    else:
+        for table in status_tables(seen):
+            screen().print(table)
+    raise typer.Exit(OK if seen.fresh else DIFFERENT)

@@ -5,14 +5,23 @@ Scenarios x policies x seeds, counted with exact intervals and compared seed by 
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, USAGE, fail, parse_seeds
+from hil.cli.options import (
+    COULD_NOT_RUN,
+    INTERRUPTED,
+    POLICIES,
+    USAGE,
+    Camera,
+    Json,
+    Rig,
+    fail,
+    parse_seeds,
+)
 
 if TYPE_CHECKING:
     from hil.campaign.lines import Line
@@ -22,21 +31,24 @@ def campaign(
     scenarios: Annotated[list[str] | None, typer.Argument(help="names or .toml files [default: all published]")] = None,
     policy: Annotated[
         list[str] | None,
-        typer.Option(help="repeat for several: the first is what the others are compared with [default: the rig's]"),
+        typer.Option(
+            help=f"{POLICIES} or PATH.onnx; repeated: the first is what the others are compared with "
+            "[default: the rig's]"
+        ),
     ] = None,
     seeds: Annotated[str, typer.Option(help="A..B, both included: the same for every policy")] = "0..9",
-    rig: Annotated[str, typer.Option(help="a simulated rig: its name or a path to a .toml")] = "sim",
-    camera: Annotated[
-        Literal["pictures", "model"] | None, typer.Option(help="as for `run` [default: the rig's]")
-    ] = None,
+    rig: Rig = "sim",
+    camera: Camera = None,
     pictures: Annotated[Literal["preview", "all", "none"], typer.Option(help="which pictures to record")] = "none",
     jobs: Annotated[int | None, typer.Option(min=1, max=256, help="flights at a time [default: one a core]")] = None,
     out: Annotated[Path, typer.Option(help="folder of this campaign's runs and page")] = Path("campaign"),
-    as_json: Annotated[bool, typer.Option("--json", help="one object on stdout, nothing else there")] = False,
+    as_json: Json = False,
 ) -> None:
-    """Fly every scenario with every policy on every seed; leaves campaign.html, and says who is better.
+    """Fly scenarios with several policies, and compare them.
 
-    Stopped, by whatever: the same command goes on, and flies only what the folder does not hold yet.
+    Every scenario, with every policy, on every seed; leaves campaign.html, and says which policy is better.
+
+    After a stop of any kind the same command goes on, and flies only what the folder does not hold yet.
 
     Exit code: 0 all flown, 2 usage or configuration, 3 some could not be flown, 130 interrupted.
     """
@@ -108,9 +120,8 @@ def _fly(grid: Any, todo: list[Any], total: int, processes: int, code: Any) -> i
 
 def _conclude(out: Path, baseline: str, as_json: bool) -> None:
     """Page, table and comparison of everything the folder holds."""
-    from rich.console import Console
-
     from hil.campaign.lines import gather
+    from hil.cli.screen import print_json, say, screen
     from hil.recording.runs import list_runs
     from hil.report.campaign import CONFIDENCE, render
     from hil.report.comparison_table import comparisons
@@ -125,12 +136,12 @@ def _conclude(out: Path, baseline: str, as_json: bool) -> None:
     if as_json:
         fields = ("policy", "against", "scenario", "says")
         found = {"counts": groups, "comparisons": [dict(zip(fields, row, strict=True)) for row in compared]}
-        print(json.dumps({**found, "page": str(page)}))
+        print_json({**found, "page": str(page)})
         return
-    Console().print(_table(groups))
+    screen().print(_table(groups))
     for policy, against, scenario, says in compared:
-        Console().print(f"{policy} against {against}, {scenario}: {says}", highlight=False, soft_wrap=True)
-    Console().print(f"page: {page}", highlight=False, soft_wrap=True)
+        say(f"{policy} against {against}, {scenario}: {says}")
+    say(f"page: {page}")
 
 
 def _counts(lines: list[Line]) -> list[dict[str, Any]]:
@@ -155,14 +166,14 @@ def _table(groups: list[dict[str, Any]]) -> Any:
 
     from hil.cli.console import rate_text
 
-    table = Table(box=box.SIMPLE_HEAD)
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("scenario", "policy", "camera"):
         table.add_column(column, overflow="fold")
     for column in ("within tolerance", "attached"):
         table.add_column(column, justify="right", no_wrap=True)
     for row in groups:
-        rates = [rate_text(row[key], row["runs"]) for key in ("within_tolerance", "attached")]
-        table.add_row(row["scenario"], row["policy"], row["camera"], *rates)
+        within, attached = rate_text(row["within_tolerance"], row["runs"]), f"{row['attached']} of {row['runs']}"
+        table.add_row(row["scenario"], row["policy"], row["camera"], within, attached)
     return table
 
 

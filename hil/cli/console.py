@@ -13,6 +13,7 @@ from rich.text import Text
 
 from hil.scoring.binomial import interval
 from hil.scoring.score import Score
+from hil.scoring.verdict import ATTACHED, MISSED, PERCHED
 from scenarios.paper import RealRow, SimulatedRow, paper
 from scenarios.spec import Scenario, published_row
 
@@ -57,12 +58,10 @@ def json_row(
     }
 
 
-def run_table(
-    score: Score, scenario: Scenario, *, run_dir: Path | str, real_time_factor: float | None
-) -> RenderableType:
-    """A finished run beside the published row, then the verdict and where everything lies."""
+def run_table(score: Score, scenario: Scenario, *, real_time_factor: float | None) -> RenderableType:
+    """A finished run beside the published row, then the verdict."""
     row = published_row(scenario)
-    table = Table(title=f"{scenario.title}  (seed {score.seed})", box=box.SIMPLE_HEAD, title_justify="left")
+    table = Table(box=box.SIMPLE_HEAD)
     table.add_column("")
     table.add_column("unit", style="dim")
     table.add_column("this run", justify="right")
@@ -84,30 +83,31 @@ def run_table(
     theirs = _published_verdict(row)
     table.add_row("attached", "", _yes(score.attached), theirs[0], "")
     table.add_row("within tolerance", "", _yes(score.within_tolerance), theirs[1], "")
-    tail = Text()
+    tail = []
     if score.reasons:
-        tail.append(f"why: {'; '.join(score.reasons)}\n")
+        tail.append(f"why: {'; '.join(score.reasons)}")
     if isinstance(row, RealRow) and row.flights:
-        tail.append(f"a later version of the paper reports {row.flights[0]} of {row.flights[1]} flights perched\n")
+        tail.append(f"a later version of the paper reports {row.flights[0]} of {row.flights[1]} flights perched")
     if real_time_factor is not None:
-        tail.append(f"{real_time_factor:.2f} times real time\n")
-    tail.append(f"run folder: {run_dir}")
-    return Group(table, tail)
+        tail.append(f"{real_time_factor:.2f} times real time")
+    head = Text(f"{scenario.title}  (seed {score.seed})", style="italic")
+    return Group(head, table, *(Text(line) for line in tail))
 
 
 def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: float = 0.95) -> RenderableType:
-    """Several seeds of one scenario: a line each, then the counts with their exact interval."""
-    table = Table(title=f"{scenario.title}  ({len(scores)} seeds)", box=box.SIMPLE_HEAD, title_justify="left")
-    columns = "seed", "attached", "within tolerance", "planar m", "normal deg", "tangential m/s", "impact m/s", "time s"
-    for column in columns:
-        table.add_column(column, justify="right")
+    """Several seeds of one scenario: a line each, then the counts with their exact interval.
+
+    Errors at contact: in the board's plane, of the normals, speed along the board and into it.
+    """
+    table = Table(box=box.SIMPLE_HEAD, padding=0)
+    for column in ("seed\n", "verdict\n", "planar\nm", "normal\ndeg", "along\nm/s", "into\nm/s", "time\ns"):
+        table.add_column(column, justify="left" if column == "verdict\n" else "right", no_wrap=True)
     table.add_column("why not")
     for score in scores:
         m = score.metrics
         table.add_row(
             str(score.seed),
-            _yes(score.attached),
-            _yes(score.within_tolerance),
+            _verdict(score),
             _number(m.planar, 3),
             _number(m.normal_alignment_deg, 2),
             _number(m.impact_tangential, 2),
@@ -118,7 +118,7 @@ def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: floa
     counts = Table(box=None, show_header=False)
     counts.add_row("attached", rate_text(sum(s.attached for s in scores), len(scores), confidence))
     counts.add_row("within tolerance", rate_text(sum(s.within_tolerance for s in scores), len(scores), confidence))
-    return Group(table, counts)
+    return Group(Text(f"{scenario.title}  ({len(scores)} seeds)", style="italic"), table, counts)
 
 
 def rate_text(successes: int, runs: int, confidence: float = 0.95) -> str:
@@ -165,6 +165,11 @@ def _number(value: float | tuple[float, float] | None, digits: int) -> str:
         same = f"{value[0]:.{digits}f}" == f"{value[1]:.{digits}f}"
         return f"{value[0]:.{digits}f}" if same else f"{value[0]:.{digits}f}-{value[1]:.{digits}f}"
     return f"{value:.{digits}f}"
+
+
+def _verdict(score: Score) -> Text:
+    style = {PERCHED: "green", ATTACHED: "yellow", MISSED: "red"}
+    return Text(score.verdict.partition(",")[0], style=style.get(score.verdict, ""))
 
 
 def _yes(value: bool) -> Text:

@@ -11,7 +11,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from hil.cli.policy_table import policy_data, policy_table
+from hil.cli.policy_table import note_lines, policy_data, policy_table
+from hil.cli.screen import say, screen
 from policies.environment.config import TICK
 from policies.evaluation.contenders import open_contender
 from policies.evaluation.evaluate import POINTS, Row, evaluate, evaluation_seed
@@ -19,8 +20,6 @@ from policies.evaluation.maps import HeatMap, heatmap, motions, robustness
 
 _NOISE = {"paper": "the paper's noise", "measured": "our detector's measured noise (about a tenth of the paper's)"}
 _CASE_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion or another vehicle and of a cell, of those of a point
-
-_FILE_WIDTH = 140  # characters, where the output is no terminal
 
 
 @dataclass(frozen=True)
@@ -80,20 +79,17 @@ class Evaluation:
 
     def show(self) -> None:
         """Print the tables."""
-        console = Console()
-        if not console.is_terminal:
-            console = Console(width=_FILE_WIDTH)
-        console.print(self.conditions(), highlight=False)
-        title = f"{self.rows[0].episodes} episodes a point"
-        console.print(policy_table(self.rows, self.stage, title, console.width))
-        for what, rows in (("motions", self.motion_rows), ("other vehicles", self.robust_rows)):
+        console = screen()
+        say(self.conditions())
+        groups = (("points", self.rows), ("motions", self.motion_rows), ("other vehicles", self.robust_rows))
+        for what, rows in groups:
             if rows:
-                title = f"{what}, {rows[0].episodes} episodes each"
-                console.print(policy_table(rows, self.stage, title, console.width))
+                console.print(policy_table(rows, self.stage, f"{what}, {rows[0].episodes} episodes each"))
+                say("\n".join(note_lines(rows)))
         if self.map is not None:
             picture = self.request.picture
             assert picture is not None
-            console.print(f"wrote {picture} and {picture.with_suffix('.csv')}", highlight=False)
+            say(f"wrote {picture} and {picture.with_suffix('.csv')}")
 
 
 @contextmanager

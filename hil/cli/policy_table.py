@@ -11,9 +11,8 @@ from hil.scoring.binomial import interval
 from policies.evaluation.evaluate import Row, as_data
 from scenarios.paper import SimulatedRow, published
 
-_HEADS = ("point", "success", "95 %", "time", "pos", "angle", "v_t", "v_n")
+_HEADS = ("point", "perched", "95 %", "time", "pos", "angle", "v_t", "v_n")
 _UNITS = ("", "%", "", "s", "m", "rad", "m/s", "m/s")
-_WIDE = 110  # characters from which on there is room for why it failed
 
 
 def _published(row: Row, stage: str) -> SimulatedRow | None:
@@ -36,34 +35,34 @@ def policy_data(rows: list[Row], stage: str) -> list[dict[str, Any]]:
     return found
 
 
-def policy_table(rows: list[Row], stage: str, title: str, width: int) -> Table:
-    """The rows as a table for a console of `width`; the paper's in between, dim. Means are over successes.
+def policy_table(rows: list[Row], stage: str, title: str) -> Table:
+    """The rows as a table of at most 80 columns; the paper's in between, dim. Means are over successes.
 
-    v_t, v_n: tangential speed and speed into the board at contact; of the latter also the middle 90 %.
+    v_t, v_n: tangential speed and speed into the board at contact.
     """
-    grid = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    grid = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for head, unit in zip(_HEADS, _UNITS, strict=True):
         grid.add_column(f"{head}\n{unit}", justify="left" if head == "point" else "right", no_wrap=True)
-    if width >= _WIDE:
-        grid.add_column("middle\n90 %", justify="right", no_wrap=True)
-        grid.add_column("seen\n%", justify="right", no_wrap=True)
-        grid.add_column("failures")
     for row in rows:
         low, high = interval(row.hits, row.episodes)
-        means = (row.duration, 2), (row.position_error, 3), (row.normal_error, 3), (row.tangential_speed, 3)
+        means = (row.duration, 2), (row.position_error, 3), (row.normal_error, 3), (row.tangential_speed, 2)
         shown = [f"{value:.{digits}f}" if row.hits else "-" for value, digits in (*means, (row.normal_speed, 2))]
-        middle = f"{row.normal_speed_5:.2f}-{row.normal_speed_95:.2f}" if row.hits else "-"
-        more = (middle, f"{row.seen:.0f}", _failures(row)) if width >= _WIDE else ()
-        grid.add_row(row.name, f"{row.success:.2f}", f"{100 * low:.1f}-{100 * high:.1f}", *shown, *more)
+        grid.add_row(row.name, f"{row.success:.2f}", f"{100 * low:.1f}-{100 * high:.1f}", *shown)
         said = _published(row, stage)
         if said is not None:
             grid.add_row(
                 "   paper", f"{said.success_percent:.2f}", "", f"{said.duration:.2f}", f"{said.position_error:.3f}",
-                f"{said.normal_error:.3f}", f"{said.tangential_speed:.3f}", style="dim",
+                f"{said.normal_error:.3f}", f"{said.tangential_speed:.2f}", style="dim",
             )  # fmt: skip
     return grid
 
 
-def _failures(row: Row) -> str:
-    most = sorted(row.causes.items(), key=lambda item: -item[1])
-    return ", ".join(f"{cause.replace('_', ' ')} {count}" for cause, count in most)
+def note_lines(rows: list[Row]) -> list[str]:
+    """What the table has no room for, a line a row: the middle 90 % of v_n, sight, and why flights failed."""
+    lines = []
+    for row in rows:
+        into = f"into the board at {row.normal_speed_5:.2f}-{row.normal_speed_95:.2f} m/s, " if row.hits else ""
+        most = sorted(row.causes.items(), key=lambda item: -item[1])
+        failed = ", ".join(f"{cause.replace('_', ' ')} {count}" for cause, count in most)
+        lines.append(f"{row.name}: {into}seen {row.seen:.0f} %" + (f"; failed: {failed}" if failed else ""))
+    return lines

@@ -1,4 +1,4 @@
-"""`perch-hil report` and `perch-hil view`: what a crew looks at after a flight."""
+"""`perch-hil runs report` and `perch-hil runs view`: what a crew looks at after a flight."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ def report(
     compare: Annotated[Path | None, typer.Option(help="a second run, shown side by side with the first")] = None,
     out: Annotated[Path | None, typer.Option(help="file to write [default: report.html in the run folder]")] = None,
 ) -> None:
-    """Write one HTML file of a run that opens offline: verdict, the paper's row, touchdown, plots, provenance.
+    """Write one HTML file of a run that opens offline.
+
+    Verdict, the paper's row, contact, plots, provenance. Several runs make one page.
 
     Exit code: 0 written, 2 not a readable run, 3 could not write. What a recording lacks is said in the report.
     """
@@ -36,7 +38,9 @@ def view(
     run: Annotated[Path, typer.Argument(help="a run folder, or an .mcap")],
     save: Annotated[Path | None, typer.Option(help="write this .rrd file instead of opening a window")] = None,
 ) -> None:
-    """Open a run in Rerun: 3-D with board, camera and tags, pictures with detections, the time series that matter.
+    """Open a run in Rerun, or write it for Rerun.
+
+    3-D with board, camera and tags, pictures with detections, the time series that matter.
 
     Exit code: 0 opened or written, 2 not a readable run or Rerun not installed, 3 could not open or write.
     """
@@ -57,9 +61,3 @@ def view(
         raise fail(f"{error.filename or save}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
     if save is not None:
         print(f"wrote {save} ({save.stat().st_size / 1e6:.2f} MB): open it with `rerun {save}`")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to the command line."""
-    app.command()(report)
-    app.command()(view)

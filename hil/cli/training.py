@@ -13,6 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from hil.cli.options import INTERRUPTED, OK
 from policies.training.learners.storage import TrainingError
 from policies.training.recipe import Recipe, load_recipe
 from policies.training.run import CURVE, PICTURE, run
@@ -36,14 +37,24 @@ class Request:
 
     def again(self) -> str:
         """The command that goes on with this run."""
-        words = ["perch-hil", "train", "--stage", self.stage, "--recipe", self.recipe, "--airframe", self.airframe]
+        words = [
+            "perch-hil",
+            "policy",
+            "train",
+            "--stage",
+            self.stage,
+            "--recipe",
+            self.recipe,
+            "--airframe",
+            self.airframe,
+        ]
         words += [word for change in self.changes for word in ("--set", change)]
         words += ["--seed", str(self.seed), "--out", str(self.out), "--device", self.device, "--resume"]
         return shlex.join(words)
 
 
 class _Stop:
-    """True once the run is asked to end; a later Ctrl-C ends it at once, without saving."""
+    """True once a signal asked the run to end; a later Ctrl-C ends it at once, without saving."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -116,6 +127,6 @@ def train_policy(request: Request) -> int:
         policy = run(*where, progress=display, stop=stop)
     if stop():
         print(f"saved; go on with:\n  {request.again()}")
-        return 130
-    print(f"policy  {policy}\ncurve   {out / PICTURE} ({CURVE} beside it)\nnext    perch-hil evaluate {policy}")
-    return 0
+        return INTERRUPTED
+    print(f"policy  {policy}\ncurve   {out / PICTURE} ({CURVE} beside it)\nnext    perch-hil policy evaluate {policy}")
+    return OK

@@ -23,7 +23,7 @@ def check_endpoint(endpoint: str, keys: Path | None) -> None:
     if keys is not None and match[1] != "tls":
         raise ConfigError(f"endpoint {endpoint}: with --keys the bus is on tls/{match[2]}:{match[3]}")
     if keys is None and match[1] == "tls":
-        raise ConfigError(f"endpoint {endpoint}: tls/ needs --keys, a folder of `perch-hil keys`")
+        raise ConfigError(f"endpoint {endpoint}: tls/ needs --keys, a folder of `perch-hil bus keys`")
 
 
 def check_identities(keys: Path | None, identities: Iterable[str]) -> None:
@@ -57,6 +57,6 @@ def check_options(
     if endpoint is not None:
         check_endpoint(endpoint, keys)
     if keys is not None and viewed:
-        raise ConfigError("--view cannot join a bus closed by --keys: look at the run afterwards, `perch-hil view`")
+        raise ConfigError("--view cannot join a bus closed by --keys: use `perch-hil runs view` afterwards")
     here = [name for name in ("hub", "supervisor", "recorder", *service_nodes(rig)) if name not in remote]
     check_identities(keys, here)

@@ -105,7 +105,7 @@ class Supervisor:
                 continue
             if table.get("serves") != self._serves:
                 raise SupervisorError(
-                    f"{service} was started for another run: give `perch-hil node` the same scenario, rig, camera, "
+                    f"{service} was started for another run: give `perch-hil bus node` the same scenario, rig, camera, "
                     "policy and seed"
                 )
             fault = clock_fault(service, table.get("clock", {}))

@@ -14,12 +14,12 @@ from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.evaluation.evaluate import Policy
 from policies.flying.contract import check_contract, open_policy
-from policies.flying.shipped import SHIPPED, policy_file
+from policies.flying.shipped import FLYABLE, policy_file
 from policies.planner.policy import GUIDANCE
 from policies.teachers.planner import ANALYTIC, LEARNED, PlannerInEnv
 from policies.teachers.teacher import Teacher
 
-NAMES = (*SHIPPED, "planner", "planner-analytic", "expert", "fast-perching", "fast-perching-ctrv")
+NAMES = (*FLYABLE, "expert", "fast-perching", "fast-perching-ctrv")
 
 
 class OnnxPolicy:

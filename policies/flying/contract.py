@@ -162,7 +162,7 @@ def open_policy(path: str | Path) -> tuple[Any, Contract]:
         raise ContractError(f"policy {path} is not a readable ONNX model ({reason}); copy or export it again") from None
     text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
     if text is None:
-        raise ContractError(f"policy {path} carries no '{METADATA_KEY}' metadata; export it with `perch-hil train`")
+        raise ContractError(f"policy {path} carries no '{METADATA_KEY}' metadata; `perch-hil policy train` exports it")
     contract = parse_contract(text, f"policy {path}")
     size = session.get_inputs()[0].shape[-1]
     if size != contract.observation.dimension:
@@ -191,7 +191,7 @@ def check_contract(contract: Contract, *, airframe: Airframe | None = None, stag
         _same(contract, "stage", contract.stage, stage)
     if airframe is None:
         return
-    train = f"; train one for it: `perch-hil train --airframe {airframe.name}`"
+    train = f"; train one for it: `perch-hil policy train --airframe {airframe.name}`"
     _same(contract, "airframe", contract.airframe, airframe.name, train)
     _same(contract, "action scaling", contract.action, ActionContract.of(airframe), train)
     if contract.vehicle is not None:

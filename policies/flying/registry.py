@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from policies.flying.guided import GuidedPolicy
 from policies.flying.onnx_policy import OnnxPolicy
-from policies.flying.shipped import SHIPPED, policy_file
+from policies.flying.shipped import FLYABLE, policy_file
 from policies.guidance.params import GuidanceParams
 from policies.planner.learned_policy import LearnedPlannerPolicy
 from policies.planner.policy import GUIDANCE, PlannerPolicy
@@ -31,8 +31,7 @@ def policy_factory(name: str, airframe: Airframe, guidance: bool = True) -> Call
         return lambda: guided(PlannerPolicy(airframe), **GUIDANCE)
     file = policy_file(name)
     if file is None or file.suffix != ".onnx":
-        known = ", ".join((*SHIPPED, "planner", "planner-analytic"))
-        raise ValueError(f"no policy {name!r}: use {known}, or the path of an .onnx file")
+        raise ValueError(f"no policy {name!r}: use {', '.join(FLYABLE)}, or the path of an .onnx file")
     network = OnnxPolicy(file, airframe)
     policy = guided(network) if network.contract.guidance else network
     return lambda: policy

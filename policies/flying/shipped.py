@@ -1,10 +1,12 @@
-"""The networks that come with the project: flown by name, wherever it is installed."""
+"""The policies that fly by name: the networks that come with the project, and the planners."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 SHIPPED = ("vision", "state")  # made for a camera's belief; made to be told where the board is
+PLANNERS = ("planner", "planner-analytic")  # it predicts the board by a network; by equations
+FLYABLE = (*SHIPPED, *PLANNERS)
 _FOLDER = Path(__file__).parents[1] / "checkpoints"
 
 

@@ -9,8 +9,9 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from kernel.toml_errors import ConfigError, read_toml, validate
 from policies.environment.config import EnvConfig
 from policies.network.actor_critic import NetworkConfig
 from policies.task.contact import ContactRules
@@ -155,21 +156,18 @@ def load_recipe(name: str | Path) -> Recipe:
             hint = f"; did you mean '{near[0]}'?" if near else ""
             raise RecipeError(f"there is no recipe '{name}': known are {', '.join(list_recipes())}{hint}")
     try:
-        data = {"name": path.stem, **tomllib.loads(path.read_text())}
-    except OSError as error:
-        raise RecipeError(f"{path}: cannot be read ({error.strerror})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RecipeError(f"{path}: not valid TOML: {error}") from None
+        data = {"name": path.stem, **read_toml(path)}
+    except ConfigError as error:
+        raise RecipeError(str(error)) from None
     return _checked(data, str(path))
 
 
 def _checked(data: dict[str, Any], where: str) -> Recipe:
     """A recipe of which every setting is known to fit. Raises RecipeError."""
     try:
-        recipe = Recipe.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise RecipeError(f"{where}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        recipe = validate(data, Recipe, where)
+    except ConfigError as error:
+        raise RecipeError(str(error)) from None
     if recipe.layout != LAYOUT:
         raise RecipeError(f"{where}: made for observation layout {recipe.layout}, this version has {LAYOUT}")
     for phase in recipe.phase:

@@ -5,7 +5,7 @@
     run(load_recipe("state"), "state", seed=1, out_dir=Path("training_runs/a"), resume=True)
 
 A checkpoint is written at least each minute and after each phase; a run that is killed and resumed on the same device
-gives the curve of one that was not. `perch-hil train` is the same on the command line.
+gives the curve of one that was not. `perch-hil policy train` is the same on the command line.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def both(hosts, keys, start, tmp_path, *, node_seed=3):
         "--endpoint", endpoint, "--keys", str(keys[0]), "--out", "runs",
     )  # fmt: skip
     node = start(
-        hosts.there, "node", "brain", "--scenario", "simple-i", *RUN, "--seed", str(node_seed), "--connect", endpoint,
+        hosts.there, "node", "brain", "--scenario", "simple-i", *RUN, "--seed", str(node_seed), "--endpoint", endpoint,
         "--keys", str(keys[1]), "--receipts", str(tmp_path / "receipts"), "--wait", "120",
     )  # fmt: skip
     return run, node

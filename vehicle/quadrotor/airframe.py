@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from kernel.toml_errors import read_toml, validate
 from vehicle.quadrotor import airframe_row
 
 AIRFRAME_DIR = Path(__file__).parent / "airframes"
@@ -168,7 +168,8 @@ def list_airframes() -> list[str]:
 
 
 def load_airframe(name: str | Path) -> Airframe:
-    """The airframe of that name, or of the TOML file at that path. Raises ValueError naming file, key and fault."""
+    """The airframe of that name, or of the TOML file at that path. Raises ConfigError naming file, key and fault,
+    ValueError for a name that there is no airframe of."""
     path = Path(name)
     if path.suffix != ".toml":
         path = AIRFRAME_DIR / f"{name}.toml"
@@ -177,12 +178,4 @@ def load_airframe(name: str | Path) -> Airframe:
             hint = f"; did you mean {near[0]!r}?" if near else ""
             known = ", ".join(list_airframes())
             raise ValueError(f"no airframe {str(name)!r}: known are {known}{hint} (or give a path to a .toml)")
-    try:
-        return Airframe.model_validate({"name": path.stem, **tomllib.loads(path.read_text())})
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not valid TOML: {error}") from None
-    except ValidationError as error:
-        wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        raise ValueError(f"{path}: {wrong}") from None
+    return validate({"name": path.stem, **read_toml(path)}, Airframe, str(path))

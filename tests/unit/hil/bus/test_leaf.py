@@ -178,7 +178,7 @@ def test_another_machines_clock_is_measured(endpoint, monkeypatch):
 
 
 def test_without_a_hub_it_says_what_to_start():
-    with pytest.raises(BusError, match="perch-hil hub"):
+    with pytest.raises(BusError, match="perch-hil bus hub"):
         Bus(free_endpoint(), timeout_s=0.3)
 
 

@@ -31,7 +31,7 @@ def check_request(folder: Path, list_file: Path, **more) -> CheckRequest:
         "fresh": False,
         "run": None,
         "out": folder,
-        "json_file": None,
+        "as_json": False,
         "junit_file": None,
     }
     return CheckRequest(**{**options, **more})

@@ -8,6 +8,8 @@ import pytest
 from hil.check import records
 from hil.check.command import run_checklist
 from hil.check.judge import Outcome, Reading
+from hil.check.records import RecordError
+from hil.recording.provenance import ProvenanceError
 from tests.unit.hil.check.console import Console, check_request
 from tests.unit.hil.check.made_up import registered
 
@@ -80,14 +82,13 @@ def finish(console: Console, places=(1, 3, 5), sign: str = "y") -> tuple[int, st
 
 
 def test_completed_and_signed_off_list_is_a_go(listed):
-    code, text = finish(start(listed, json_file=listed / "out.json", junit_file=listed / "out.xml"))
+    code, text = finish(start(listed, junit_file=listed / "out.xml"))
     assert code == 0
     assert "GO, sealed by Ann" in text
     record = records.read(listed / "record.json")
     assert record.genuine()
     assert [e.outcome for e in record.entries] == [Outcome.PASS] * 6
     assert record.entries[3].value == 0.4
-    assert json.loads((listed / "out.json").read_text()) == record.as_dict()
     assert "<testsuites" in (listed / "out.xml").read_text()
 
 
@@ -240,6 +241,12 @@ class TestWithoutATerminal:
         path = self.automatic(listed)
         assert run_checklist(check_request(listed, path, sign=sign)) == code
 
+    def test_json_is_the_record_and_nothing_else_on_stdout(self, listed, capsys):
+        assert run_checklist(check_request(listed, self.automatic(listed), sign=True, as_json=True)) == 0
+        said = capsys.readouterr()
+        assert json.loads(said.out) == records.read(listed / "record.json").as_dict()
+        assert "GO, sealed by Ann" in said.err
+
     def test_a_failure_is_never_signed_on_the_command_line(self, listed, capsys):
         (listed / "bad-0").touch()
         assert run_checklist(check_request(listed, self.automatic(listed), sign=True)) == 1
@@ -263,31 +270,31 @@ class TestWithoutATerminal:
             ({"list_name": "nowhere.toml"}, "cannot be read"),
         ],
     )
-    def test_usage_error_is_one_line_exit_2_and_no_record(self, listed, capsys, more, says):
-        assert run_checklist(check_request(listed, listed / "list.toml", **more)) == 2
-        error = capsys.readouterr().err
-        assert says in error
-        assert len(error.strip().splitlines()) == 1
+    def test_usage_error_is_one_line_and_leaves_no_record(self, listed, capsys, more, says):
+        with pytest.raises((ValueError, ProvenanceError)) as error:
+            run_checklist(check_request(listed, listed / "list.toml", **more))
+        assert says in str(error.value)
+        assert len(str(error.value).splitlines()) == 1
         assert not (listed / "record.json").exists()
 
     def test_record_for_another_subject_or_signed_off_is_not_resumed(self, listed, capsys):
         path = self.automatic(listed)
         asked = check_request(listed, path, sign=True)
         assert run_checklist(check_request(listed, path)) == 4
-        assert run_checklist(check_request(listed, path, scenario="hard-i")) == 2
-        assert "another scenario" in capsys.readouterr().err
+        with pytest.raises(RecordError, match="another scenario"):
+            run_checklist(check_request(listed, path, scenario="hard-i"))
         assert run_checklist(asked) == 0
-        assert run_checklist(asked) == 2
-        assert "already signed" in capsys.readouterr().err
+        with pytest.raises(RecordError, match="already signed"):
+            run_checklist(asked)
         with contextlib.suppress(OSError):
             (listed / "record.json").write_text("rubbish")
-        assert run_checklist(asked) == 2
-        assert "not a checklist record" in capsys.readouterr().err
+        with pytest.raises(RecordError, match="not a checklist record"):
+            run_checklist(asked)
 
     def test_two_terminals_do_not_work_on_one_record(self, listed, capsys):
         console = start(listed)
         console.wait_for(QUESTIONS[1])
-        assert run_checklist(check_request(listed, listed / "list.toml")) == 2
-        assert "another terminal" in capsys.readouterr().err
+        with pytest.raises(RecordError, match="another terminal"):
+            run_checklist(check_request(listed, listed / "list.toml"))
         console.kill()
         assert run_checklist(check_request(listed, listed / "list.toml")) == 4

@@ -38,7 +38,7 @@ def test_a_negative_margin_is_exactly_a_failure(value):
 def test_a_declared_measurement_left_unset_fails():
     judged = judge(Reading(None, ok=True), Limits(max=1))
     assert judged.outcome is Outcome.FAIL
-    assert "unset" in judged.reason
+    assert "no value was measured" in judged.reason
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -1,9 +1,14 @@
+import inspect
 import json
+from importlib import metadata
 
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
-from hil.cli.main import app, parse_seeds
+from hil.cli.main import app
+from hil.cli.options import parse_seeds
+from policies.flying.shipped import FLYABLE
 from scenarios.spec import list_scenarios
 
 runner = CliRunner()
@@ -75,3 +80,87 @@ def test_the_board_is_written_at_true_size_and_a_wrong_suffix_refused(tmp_path):
     assert runner.invoke(app, ["board", str(tmp_path / "board.svg")]).exit_code == 0
     assert "420" in (tmp_path / "board.svg").read_text()
     assert runner.invoke(app, ["board", str(tmp_path / "board.gif")]).exit_code == 2
+
+
+def call(*arguments):
+    return runner.invoke(app, list(arguments))
+
+
+def test_version_is_the_installed_distributions():
+    result = call("--version")
+    assert (result.exit_code, result.stdout) == (0, f"perch-hil {metadata.version('perch-hil')}\n")
+
+
+@pytest.mark.parametrize(
+    ("group", "command"),
+    [
+        *(("bus", name) for name in ("keys", "hub", "node", "status")),
+        *(("runs", name) for name in ("diff", "replay", "recover", "report", "view")),
+        *(("policy", name) for name in ("train", "evaluate")),
+    ],
+)
+def test_a_grouped_command_and_its_flat_name_are_one_function(group, command):
+    tree = get_command(app)
+    flat = tree.commands[command]
+    assert flat.hidden
+    assert inspect.unwrap(flat.callback) is inspect.unwrap(tree.commands[group].commands[command].callback)
+    usage = [call(*words, "--help").stdout.partition("\n")[2] for words in ((command,), (group, command))]
+    assert usage[0] == usage[1]
+
+
+def test_runs_lists_where_no_command_is_named(tmp_path):
+    for words in (["runs", str(tmp_path)], ["runs", "list", str(tmp_path)]):
+        assert call(*words).stdout == f"0 runs in {tmp_path}\n"
+    assert call("runs", "--verdict", "lucky").exit_code == 2
+    assert json.loads(call("runs", str(tmp_path), "--json").stdout) == []
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["run"], ["campaign"], ["check"], ["bus", "node"], ["runs", "replay"], ["policy", "evaluate"]]
+)
+def test_help_names_every_policy_that_can_fly(words):
+    said = "".join(call(*words, "--help").stdout.split())  # help texts are broken at spaces and hyphens
+    assert ",".join(FLYABLE) in said and "PATH.onnx" in said
+
+
+def test_commands_are_told_whole_at_80_columns():
+    for words in ([], ["runs"], ["bus"], ["policy"], ["rig"]):
+        listed = call(*words, "--help").stdout.partition("Commands:")[2]
+        assert listed and "..." not in listed and max(map(len, listed.splitlines())) <= 80
+
+
+OPTIONS = {"--json": "print JSON on stdout", "--endpoint": "address of", "--records": "folder of the signed"}
+
+
+def test_an_option_means_the_same_in_every_command():
+    found = {name: set() for name in OPTIONS}
+    for command in commands(get_command(app)):
+        for option in command.params:
+            for name in OPTIONS.keys() & set(option.opts):
+                assert OPTIONS[name] in option.help, (command.name, name)
+                found[name].add(command.name)
+            assert not {"--connect", "--listen", "--checks", "--hub"} & set(option.opts), command.name
+    assert {"run", "campaign", "check", "scenarios", "list", "diff", "status", "evaluate"} <= found["--json"]
+    assert {"run", "check", "hub", "node", "status"} <= found["--endpoint"]
+    assert found["--records"] == {"run", "check"}
+
+
+def commands(command):
+    """Every command below `command`, but groups."""
+    inner = getattr(command, "commands", None)
+    return [command] if inner is None else [found for one in inner.values() for found in commands(one)]
+
+
+@pytest.mark.parametrize("words", [["scenarios"], ["rig", "list"], ["rig", "check", "sim"], ["check", "--names"]])
+def test_json_is_one_value_and_nothing_else_on_stdout(words):
+    result = call(*words, "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)
+    assert result.stdout.count("\n") == 1
+
+
+def test_a_checklist_that_cannot_be_used_is_one_line_and_exit_2(tmp_path):
+    result = call("check", "prefligt", "--records", str(tmp_path))
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith("perch-hil: ") and 'did you mean "preflight"' in result.stderr
+    assert result.stderr.count("\n") == 1

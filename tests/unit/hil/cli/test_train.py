@@ -1,4 +1,4 @@
-"""`perch-hil train` and `evaluate` as a user meets them."""
+"""`perch-hil policy train` and `policy evaluate` as a user meets them, by their flat names."""
 
 import json
 import signal
@@ -116,7 +116,7 @@ def test_train_to_the_end_then_not_over_it(tmp_path, tiny):
     asked = ["train", "--recipe", tiny, "--out", str(tmp_path / "run")]
     result = runner.invoke(app, asked)
     assert result.exit_code == 0, result.output
-    assert "perch-hil evaluate" in result.stdout
+    assert "perch-hil policy evaluate" in result.stdout
     assert {"policy.onnx", "curve.csv", "curve.svg", "actor.pt"} <= {p.name for p in (tmp_path / "run").iterdir()}
     assert "--resume" in one_line(runner.invoke(app, asked))
 
@@ -138,7 +138,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path, tiny, monkeypatch):
     assert result.exit_code == 130
     assert signal.getsignal(signal.SIGINT) is before
     command = result.stdout.strip().splitlines()[-1].split()
-    assert command[:2] == ["perch-hil", "train"] and command[-1] == "--resume"
+    assert command[:3] == ["perch-hil", "policy", "train"] and command[-1] == "--resume"
     assert torch.load(out / "checkpoint.pt", weights_only=False)["total"] == 256
     again = runner.invoke(app, command[1:])
     assert again.exit_code == 0, again.output

@@ -153,7 +153,7 @@ def test_a_service_that_does_not_publish_because_it_ends_is_reported_as_ended(tm
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ({"serves": "other"}, "brain was started for another run: give `perch-hil node` the same scenario"),
+        ({"serves": "other"}, "brain was started for another run: give `perch-hil bus node` the same scenario"),
         (
             {"serves": "this", "clock": {"shared": False, "error_ns": 9_000_000}},
             "brain: its host's clock can be compared with the hub's only to within 9.0 ms, allowed are 5",

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
-from hil.cli.check import register
+from hil.cli.runs import register
 from hil.recording import runs_table
 from hil.recording.runs_table import Row, TableError, rows, select, table, write_csv, write_parquet
 

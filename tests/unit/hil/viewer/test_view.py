@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from hil.cli import report as cli_report
+from hil.cli import runs as cli_runs
 from hil.recording.reader import ReadError
 from hil.report.recorded.flight import load
 from hil.viewer import view
@@ -19,7 +19,7 @@ from vehicle.camera.pinhole import Camera
 @pytest.fixture
 def command():
     app = typer.Typer()
-    cli_report.register(app)
+    cli_runs.register(app)
     return lambda *args: CliRunner().invoke(app, [str(a) for a in args])
 
 

@@ -105,7 +105,7 @@ def test_mismatches_name_both_sides():
 
 
 def test_airframe_without_a_policy_is_told_what_to_train():
-    with pytest.raises(ContractError, match="perch-hil train --airframe crazyflie") as error:
+    with pytest.raises(ContractError, match="perch-hil policy train --airframe crazyflie") as error:
         check_contract(CONTRACT, airframe=CRAZYFLIE)
     assert "made for airframe paper_quad, this flight has crazyflie" in one_line(error)
 

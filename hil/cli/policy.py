@@ -1,14 +1,14 @@
-"""`perch-hil train` and `perch-hil evaluate`: making policies, and judging whatever could fly."""
+"""`perch-hil policy train|evaluate`: making policies, and judging every policy that can fly."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from hil.cli.options import COULD_NOT_RUN, USAGE, fail
+from hil.cli.groups import add_group
+from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, POLICIES, USAGE, Json, fail
 
 
 def train(
@@ -37,7 +37,9 @@ def train(
     ] = None,
     device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N")] = "cpu",
 ) -> None:
-    """Train a policy; leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder.
+    """Train a policy.
+
+    Leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder.
 
     Ctrl-C saves and says how to go on; a kill loses at most a minute.
 
@@ -64,13 +66,16 @@ def train(
     except OSError as error:
         raise fail(f"{error.filename or folder}: {error.strerror}", COULD_NOT_RUN) from None
     except KeyboardInterrupt:
-        raise fail("stopped without saving; the last checkpoint is as it was", 130) from None
+        raise fail("stopped without saving; the last checkpoint is as it was", INTERRUPTED) from None
     raise typer.Exit(code)
 
 
 def evaluate(
     policy: Annotated[
-        str, typer.Argument(help="vision, an .onnx file, planner, planner-analytic or expert (with foresight)")
+        str,
+        typer.Argument(
+            help=f"{POLICIES}, PATH.onnx, expert (it knows the future), fast-perching or fast-perching-ctrv"
+        ),
     ],
     episodes: Annotated[int, typer.Option(min=10, help="episodes at each point")] = 2000,
     stage: Annotated[
@@ -92,13 +97,18 @@ def evaluate(
         Path | None, typer.Option(help="also map speed x inclination: writes this .svg and a .csv beside it")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="evaluation seed; no training or tuning draws from these")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="one object on stdout, nothing else there")] = False,
+    as_json: Json = False,
 ) -> None:
-    """Fly a policy thousands of times in the training environment and print its rows beside the paper's.
+    """Judge a policy by the paper's tables.
+
+    It flies in the training environment; its rows stand beside the paper's.
+
+    Thousands of episodes; success with exact intervals.
 
     Exit code: 0 evaluated, 2 not a policy that can be flown or wrong options, 3 could not write.
     """
     from hil.cli.evaluation import Request, evaluate_policy
+    from hil.cli.screen import print_json
     from policies.flying.contract import ContractError
 
     if heatmap is not None and heatmap.suffix != ".svg":
@@ -111,14 +121,13 @@ def evaluate(
     except OSError as error:
         raise fail(f"{error.filename or heatmap}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
     except KeyboardInterrupt:
-        raise fail("stopped; nothing was evaluated to the end", 130) from None
+        raise fail("stopped; nothing was evaluated to the end", INTERRUPTED) from None
     if as_json:
-        print(json.dumps(found.data()))
+        print_json(found.data())
     else:
         found.show()
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands to the command line."""
-    app.command()(train)
-    app.command()(evaluate)
+    """Add the group."""
+    add_group(app, "policy", "Train policies, and judge them.", {"train": train, "evaluate": evaluate})

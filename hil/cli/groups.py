@@ -1,0 +1,42 @@
+"""Commands in groups, each also under its flat name of one word: one function, two names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+DEFAULT = "list"
+
+
+class ListsByDefault(TyperGroup):
+    """A group that is `list` where no command is named: `perch-hil runs FOLDER` is `perch-hil runs list FOLDER`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put `list` in front of what names no command of this group."""
+        if not args or (args[0] not in self.commands and args[0] != "--help"):
+            args = [DEFAULT, *args]
+        return super().parse_args(ctx, args)
+
+
+def add_group(
+    app: typer.Typer,
+    name: str,
+    text: str,
+    commands: dict[str, Callable[..., None]],
+    *,
+    flat: bool = True,
+    lists: bool = False,
+) -> None:
+    """Add the group `name` with its commands; `flat`: each also as a hidden command of `app`, under its own name.
+
+    `lists`: the group is its command `list` where none is named, so that `list` itself has no flat name.
+    """
+    group = typer.Typer(no_args_is_help=not lists, cls=ListsByDefault if lists else TyperGroup, help=text)
+    for word, command in commands.items():
+        group.command(word)(command)
+        if flat and word != DEFAULT:
+            app.command(word, hidden=True)(command)
+    app.add_typer(group, name=name)
