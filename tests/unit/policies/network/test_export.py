@@ -141,4 +141,4 @@ def test_a_file_of_unknown_weights_is_refused(tmp_path):
 
 def test_a_file_without_a_description_of_its_network_is_refused():
     with pytest.raises(ContractError, match="a teacher, not a parent"):
-        import_actor(ROOT / "policies" / "checkpoints" / "teacher.onnx")
+        import_actor(ROOT / "policies" / "checkpoints" / "vision.onnx")

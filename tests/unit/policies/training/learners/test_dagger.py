@@ -31,9 +31,9 @@ def test_learns_to_imitate(symmetric):
     assert np.mean(losses[-4:]) < 0.6 * np.mean(losses[:4])
 
 
-@pytest.mark.parametrize("teacher", ["expert", "teacher"])
+@pytest.mark.parametrize("teacher", ["expert", "vision"])
 def test_resume_gives_the_same_curve(teacher):
-    config, env = replace(SMALL, teacher=teacher), replace(ENV, stride=8 if teacher == "teacher" else 3)
+    config, env = replace(SMALL, teacher=teacher), replace(ENV, stride=8 if teacher == "vision" else 3)
     whole, half = make(config, env), make(config, env)
     curve = [whole.step() for _ in range(6)]
     for _ in range(3):

@@ -45,12 +45,12 @@ def test_a_teacher_asks_for_the_same_command_of_every_vehicle(airframe):
     """Where neither vehicle's limits bind: the label in the vehicle's limits is the command that the file asks for."""
     env = Env(EnvConfig(count=16, stride=8, airframe=airframe))
     observation = torch.from_numpy(env.reset().copy())
-    label = NetworkTeacher(env, "teacher", CPU).act(observation)[0].numpy().astype(float)
+    label = NetworkTeacher(env, "vision", CPU).act(observation)[0].numpy().astype(float)
     theirs = load_airframe("paper_quad").limits_row()
     command, previous, action = np.zeros(4), np.zeros(4), np.zeros(4)
     seen = observation.numpy().copy()
     before = slice(TAIL + tail_row.ACTION, TAIL + tail_row.ACTION + 4)
-    graph = Graph(CHECKPOINTS / "teacher.onnx", CPU)
+    graph = Graph(CHECKPOINTS / "vision.onnx", CPU)
     for i in range(16):
         command_from_action(seen[i, before].astype(float), env.shared.limits, previous)
         action_from_command(previous, theirs, action)
@@ -64,7 +64,7 @@ def test_a_teacher_asks_for_the_same_command_of_every_vehicle(airframe):
 
 def test_a_teacher_of_another_history_is_refused():
     with pytest.raises(TrainingError, match="stride 8, the recipe keeps 3"):
-        NetworkTeacher(Env(EnvConfig(count=8, stride=3)), "teacher", CPU)
+        NetworkTeacher(Env(EnvConfig(count=8, stride=3)), "vision", CPU)
 
 
 def test_a_teacher_that_is_not_there_is_refused():
