@@ -71,7 +71,7 @@ def test_a_process_without_a_certificate_is_refused(hub, keys):
         config = settings(mode="client", **{"connect/endpoints": [hub], "connect/timeout_ms": 1500}, **more)
         with pytest.raises(zenoh.ZError):
             zenoh.open(config).close()
-    with pytest.raises(BusError, match="lets nobody in without --keys"):
+    with pytest.raises(BusError, match="lets no process in without --keys"):
         Bus(hub, timeout_s=1.0)
     with pytest.raises(BusError, match="no hub answers"):
         Bus(hub.replace("tls/", "tcp/"), timeout_s=1.0)
@@ -136,7 +136,7 @@ def test_only_the_policy_commands_and_only_the_gate_publishes_what_was_sent(join
 def test_only_the_supervisor_gives_orders(join):
     supervisor, brain, link = join("supervisor"), join("brain"), join("vehicle_link")
     orders = []
-    link.hear(CONTROL, orders.append)
+    link.on_table(CONTROL, orders.append)
 
     def both():
         brain.send_table(CONTROL, {"order": "abort", "why": "the policy says so"})

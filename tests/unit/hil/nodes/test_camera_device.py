@@ -15,7 +15,7 @@ class FakeCamera:
     """Gives what it is told to."""
 
     def __init__(self):
-        self.pictures, self.lost, self.dropped, self.closed = [], "", 3, False
+        self.pictures, self.lost, self.dropped, self.damaged, self.closed = [], "", 3, 1, False
 
     def take(self, now_ns):
         return self.pictures.pop(0) if self.pictures else None
@@ -42,6 +42,7 @@ def test_a_picture_is_stamped_with_the_middle_of_its_exposure():
     assert (image.exposure_ns, image.sequence, image.data) == (2 * MS, 7, bytes(range(12)))
     assert step(node, "attempt") == []
     assert node.counters["pictures replaced before they were read"] == 3
+    assert node.counters["damaged pictures"] == 1
 
 
 @pytest.mark.parametrize("stage", ["prepare", "ended"])

@@ -7,9 +7,9 @@ import numpy as np
 from hil.contract.codec import Codec
 from hil.contract.messages import Action
 from hil.report.drawing.charts import TimePlot
-from hil.report.recorded.columns import Columns
 from hil.report.sections import commands
 from policies.guidance.guide import ALIGNED, BRAKED
+from tests.unit.hil.report.recorded.test_columns import columns
 
 RECORDED = SimpleNamespace(decided_ns=0, during=lambda t: np.ones(len(t), dtype=bool))
 
@@ -19,29 +19,29 @@ def action(ms, rate, thrust, **guided):
 
 
 def plotted(actions):
-    columns, plots = Columns([m.stamp_ns for m in actions], actions), {}
+    table, plots = columns(Action, actions), {}
     for name, unguided, axis in (("body_rate", "asked_rate", 0), ("thrust", "asked_thrust", None)):
         plot = TimePlot(name, name, "")
-        commands._both(plot, RECORDED, columns, None, name, unguided, axis)
+        commands._both(plot, RECORDED, table, None, name, unguided, axis)
         plots[name] = {s.name: s.y.tolist() for s in plot.series}
-    return columns, plots
+    return table, plots
 
 
 def test_both_are_drawn_where_a_law_acted():
-    columns, plots = plotted([
+    table, plots = plotted([
         action(0, 1.0, 9.0, asked_rate=(1.0, 0.0, 0.0), asked_thrust=9.0),
         action(10, 2.0, 9.0, asked_rate=(0.5, 0.0, 0.0), asked_thrust=9.0, laws=ALIGNED),
         action(20, 1.0, 12.0, asked_rate=(1.0, 0.0, 0.0), asked_thrust=8.0, laws=ALIGNED | BRAKED),
     ])  # fmt: skip
     assert plots["body_rate"] == {"asked": [1.0, 0.5, 1.0], "changed by guidance": [2.0]}
     assert plots["thrust"] == {"asked": [9.0, 9.0, 8.0], "changed by guidance": [12.0]}
-    counts = dict(commands._laws(RECORDED, columns))
+    counts = dict(commands._laws(RECORDED, table))
     assert counts == {"terminal attitude alignment": 2, "time-to-go flare": 0, "impact-speed limit": 1}
 
 
 def test_recording_without_guidance_shows_what_was_asked():
     codec = Codec(Action)
     older = [codec.decode(codec.encode(action(ms, 1.0, 9.0))) for ms in (0, 10)]
-    columns, plots = plotted(older)
+    table, plots = plotted(older)
     assert plots == {"body_rate": {"asked": [1.0, 1.0]}, "thrust": {"asked": [9.0, 9.0]}}
-    assert not commands._guided(columns).any()
+    assert not commands._guided(table).any()
