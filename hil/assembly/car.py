@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from groundcar.motion import board_row
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import ScoutLink
 from groundcar.scout.follower import Follower
@@ -38,4 +39,4 @@ def car_follower(parts: Parts) -> CarFollower:
 def _start(parts: Parts) -> tuple[float, float, float]:
     """Where the car waits: x, y m (world), heading rad."""
     board = start_board(parts.scenario, parts.drawn)
-    return float(board[0]), float(board[1]), float(board[3])
+    return float(board[board_row.X]), float(board[board_row.Y]), float(board[board_row.HEADING])

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from policies.baselines import carried_row, variables_row
 from policies.baselines.fast_perching_params import AT
@@ -24,18 +25,18 @@ _W_FLOOR, _W_SPEED, _W_THRUST, _W_RATE, _W_BOARD = 1e7, 1e3, 1e4, 1e5, 1e6
 @njit
 def board_at(board, t, out):
     """`board` ((8,) board row) in `t` s, into `out` (carried_row.DIM,)."""
-    h0, w = board[3], board[5]
+    h0, w = board[board_row.HEADING], board[board_row.TURN_RATE]
     h = h0 + w * t
     c, s = math.cos(h), math.sin(h)
     if abs(w) < 1e-6:
-        dx, dy = board[4] * t * c, board[4] * t * s
+        dx, dy = board[board_row.SPEED] * t * c, board[board_row.SPEED] * t * s
     else:
-        r = board[4] / w
+        r = board[board_row.SPEED] / w
         dx, dy = r * (s - math.sin(h0)), r * (math.cos(h0) - c)
     position, velocity = out[carried_row.POSITION :], out[carried_row.VELOCITY :]
-    position[0], position[1], position[2] = board[0] + dx, board[1] + dy, board[2]
-    velocity[0], velocity[1], velocity[2] = board[4] * c, board[4] * s, 0.0
-    ci, si = math.cos(board[6]), math.sin(board[6])
+    position[0], position[1], position[2] = board[board_row.X] + dx, board[board_row.Y] + dy, board[board_row.Z]
+    velocity[0], velocity[1], velocity[2] = board[board_row.SPEED] * c, board[board_row.SPEED] * s, 0.0
+    ci, si = math.cos(board[board_row.INCLINATION]), math.sin(board[board_row.INCLINATION])
     normal, across, along = out[carried_row.NORMAL :], out[carried_row.ACROSS :], out[carried_row.ALONG :]
     normal[0], normal[1], normal[2] = -si * c, -si * s, ci
     across[0], across[1], across[2] = -s, c, 0.0
@@ -195,7 +196,7 @@ def cost_and_gradient(x, start, board, settings, energy, sampled, by_sample, gra
 def _through_boundary(x, start, board, settings, carried, boundary, by_boundary, h, gradient):
     """Gradients by way points, force and skid from those by the boundary; returns the part by the s of a piece."""
     half = 0.5 * (settings[AT.thrust_max] - settings[AT.thrust_min])
-    by_h, w = 0.0, board[5]
+    by_h, w = 0.0, board[board_row.TURN_RATE]
     gradient[:] = 0.0
     for i in range(3):
         for d in range(1, 4):

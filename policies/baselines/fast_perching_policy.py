@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.baselines.fast_perching import PerchPlan, load_search, plan_perch
@@ -102,7 +103,7 @@ class FastPerching:
     ) -> tuple[PerchPlan, float]:
         board = seen.copy()
         if not self._turning:
-            board[5] = 0.0
+            board[board_row.TURN_RATE] = 0.0
         start = np.zeros((4, 3))
         start[0], start[1] = p, v
         if made is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit, prange
 from kernel.random import uniform
 from kernel.rotations import from_euler
@@ -62,10 +63,10 @@ def _place(rows, i, shared, board, calm):
     for k in range(state_row.DIM):
         vehicle[k] = 0.0
     distance = uniform(rng, c[config_row.DISTANCE_LOW], c[config_row.DISTANCE_HIGH])
-    bearing = board[3] + math.pi + uniform(rng, -c[config_row.AZIMUTH], c[config_row.AZIMUTH])
-    vehicle[state_row.P] = board[0] + distance * math.cos(bearing)
-    vehicle[state_row.P + 1] = board[1] + distance * math.sin(bearing)
-    vehicle[state_row.P + 2] = board[2] + uniform(rng, c[config_row.HEIGHT_LOW], c[config_row.HEIGHT_HIGH])
+    bearing = board[board_row.HEADING] + math.pi + uniform(rng, -c[config_row.AZIMUTH], c[config_row.AZIMUTH])
+    vehicle[state_row.P] = board[board_row.X] + distance * math.cos(bearing)
+    vehicle[state_row.P + 1] = board[board_row.Y] + distance * math.sin(bearing)
+    vehicle[state_row.P + 2] = board[board_row.Z] + uniform(rng, c[config_row.HEIGHT_LOW], c[config_row.HEIGHT_HIGH])
     scale = 0.0 if calm else 1.0
     yaw = bearing + math.pi + uniform(rng, -c[config_row.YAW], c[config_row.YAW])
     roll, pitch = (
@@ -115,7 +116,7 @@ def reset_row(rows, i, shared):
         state[k] = 0.0
     _draw_vehicle(rows, i, shared)
     state[episode_row.SPEED], state[episode_row.FAMILY], state[episode_row.LAW] = motion_draw(rows.motion[i], c, rng)
-    rows.track[i, 0] = rows.motion[i, rows.motion.shape[1] - 8 :]
+    rows.track[i, board_row.X] = rows.motion[i, rows.motion.shape[1] - 8 :]
     state[episode_row.FILLED] = extend_track(rows.motion[i], rows.track[i], 0, 1, rng)
     vision = c[config_row.VISION] > 0.0
     for attempt in range(_TRIES):

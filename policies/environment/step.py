@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit, prange
 from policies.environment import config_row, ended_row, episode_row, scratch_row
 from policies.environment.config import TICK
@@ -70,7 +71,7 @@ def _active(rows, i, shared, board, now):
     q = vehicle[state_row.Q : state_row.Q + 4]
     cx, cy, cz = camera_position(vehicle[state_row.P : state_row.P + 3], q, rows.camera[i])
     ax, ay, az = optical_axis(q, rows.camera[i])
-    dx, dy, dz = board[0] - cx, board[1] - cy, board[2] - cz
+    dx, dy, dz = board[board_row.X] - cx, board[board_row.Y] - cy, board[board_row.Z] - cz
     cosine = (dx * ax + dy * ay + dz * az) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-6)
 
     active_perception(
@@ -133,7 +134,7 @@ def _close(rows, i, board):
     ended[ended_row.RETURN], ended[ended_row.SPEED], ended[ended_row.INCLINATION] = (
         state[episode_row.RETURN],
         state[episode_row.SPEED],
-        board[6],
+        board[board_row.INCLINATION],
     )
     ended[ended_row.FAMILY], ended[ended_row.LAW], ended[ended_row.ERROR] = (
         state[episode_row.FAMILY],

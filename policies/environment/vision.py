@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_quaternion, board_velocity
 from kernel.jit import njit
 from kernel.random import uniform
@@ -63,9 +64,9 @@ def expose(rows, i, shared, board, now, latency):
     axis = optical_axis(vehicle[state_row.Q : state_row.Q + 4], rows.camera[i])
     lateral, depth = observed[7] * observed[7], observed[8] * observed[8]
     dx, dy, dz = (
-        board[0] - vehicle[state_row.P],
-        board[1] - vehicle[state_row.P + 1],
-        board[2] - vehicle[state_row.P + 2],
+        board[board_row.X] - vehicle[state_row.P],
+        board[board_row.Y] - vehicle[state_row.P + 1],
+        board[board_row.Z] - vehicle[state_row.P + 2],
     )
     floor = ODOMETRY_SIGMA**2 + POINTING_SIGMA**2 * (dx * dx + dy * dy + dz * dz)
     for k in range(3):
@@ -123,7 +124,7 @@ def see(rows, i, shared, board, latency):
     deliver(rows, i, shared, now)
     believed = rows.believed[i]
     rho = belief_predict(rows.belief[i], now, shared.belief, believed)
-    dx, dy, dz = believed[0] - board[0], believed[1] - board[1], believed[2] - board[2]
+    dx, dy, dz = believed[0] - board[board_row.X], believed[1] - board[board_row.Y], believed[2] - board[board_row.Z]
     state[episode_row.ERROR] = math.sqrt(dx * dx + dy * dy + dz * dz)
     if shared.config[config_row.AUGMENTATION] == 0.0:
         raw_estimate(state, believed)

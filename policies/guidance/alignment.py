@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
@@ -25,7 +26,7 @@ def lean_now(board, sigma, g):
     The share for a poorly known surface is scaled so that it is the same up any slope whose sine exceeds LEAN_SLOPE.
     """
     poorly = min(1.0, max(0.0, (sigma - g[gp.SIGMA_LOW]) / (g[gp.SIGMA_HIGH] - g[gp.SIGMA_LOW])))
-    return g[gp.LEAN] + g[gp.LEAN_UNCERTAIN] * poorly / max(gp.LEAN_SLOPE, abs(math.sin(board[6])))
+    return g[gp.LEAN] + g[gp.LEAN_UNCERTAIN] * poorly / max(gp.LEAN_SLOPE, abs(math.sin(board[board_row.INCLINATION])))
 
 
 @njit
@@ -35,9 +36,13 @@ def wanted_axis(board, left, lean, g):
     `board` (8,) the board now; `lean` rad up a vertical slope, less up others; `g` (gp.COUNT,) parameters.
     """
     nx, ny, nz = board_normal(board)
-    c, s, sine = math.cos(board[3]), math.sin(board[3]), math.sin(board[6])
-    turn, lean = board[5] * left, lean * sine
-    pull = board[4] * board[5] / GRAVITY
+    c, s, sine = (
+        math.cos(board[board_row.HEADING]),
+        math.sin(board[board_row.HEADING]),
+        math.sin(board[board_row.INCLINATION]),
+    )
+    turn, lean = board[board_row.TURN_RATE] * left, lean * sine
+    pull = board[board_row.SPEED] * board[board_row.TURN_RATE] / GRAVITY
     bank = min(g[gp.BANK_MOST], g[gp.BANK_SHARE] * max(0.0, abs(pull) - g[gp.BANK_FROM]))
     bank = math.copysign(bank, pull)
     wx = nx - turn * ny + lean * nz * c - bank * s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 
@@ -17,10 +18,10 @@ def approach(p, v, zx, zy, zz, board, below, radius):
     (zx, zy, zz) body z; `board` (8,) the board now.
     """
     nx, ny, nz = board_normal(board)
-    c, s = math.cos(board[3]), math.sin(board[3])
-    dx, dy, dz = p[0] - board[0], p[1] - board[1], p[2] - board[2]
+    c, s = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    dx, dy, dz = p[0] - board[board_row.X], p[1] - board[board_row.Y], p[2] - board[board_row.Z]
     cosine = nx * zx + ny * zy + nz * zz
     sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
     centre = nx * dx + ny * dy + nz * dz
-    closing = -(nx * (v[0] - board[4] * c) + ny * (v[1] - board[4] * s) + nz * v[2])
+    closing = -(nx * (v[0] - board[board_row.SPEED] * c) + ny * (v[1] - board[board_row.SPEED] * s) + nz * v[2])
     return centre - below * cosine - radius * sine, closing, cosine, dx * dx + dy * dy + dz * dz - centre * centre

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
 from policies.guidance import params as gp
@@ -27,11 +28,11 @@ def flare(p, v, q, board, lean, previous, gain, g, out):
     zx, zy, zz = body_z(q)
     centre, closing, cosine, beside = approach(p, v, zx, zy, zz, board, 0.0, 0.0)
     # The contact disc as it lies once body z is aligned.
-    height = centre - g[gp.BELOW] - g[gp.RADIUS] * lean * math.sin(board[6])
+    height = centre - g[gp.BELOW] - g[gp.RADIUS] * lean * math.sin(board[board_row.INCLINATION])
     offset = g[gp.FLARE_OFFSET]
     if height <= 0.0 or closing < g[gp.FLARE_CLOSING] or cosine < 0.0 or beside > offset * offset:
         return False
-    brake = 0.5 * gain * g[gp.THRUST_MAX] * (1.0 + cosine) - GRAVITY * math.cos(board[6])
+    brake = 0.5 * gain * g[gp.THRUST_MAX] * (1.0 + cosine) - GRAVITY * math.cos(board[board_row.INCLINATION])
     stopping = closing * closing - 2.0 * brake * height
     if stopping <= 0.0:
         return False

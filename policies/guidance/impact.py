@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from kernel.rotations import body_z
@@ -44,8 +45,8 @@ def limit_impact(p, v, q, board, sigma, previous, gain, drag, g, out):
     lift, asked = 0.5 * (1.0 + cosine), min(high, max(low, out[3]))
     # Speed along the board at contact if the thrust asked acts until then.
     push = gain * asked
-    sx = v[0] - board[4] * math.cos(board[3]) + left * (push * zx + ax)
-    sy = v[1] - board[4] * math.sin(board[3]) + left * (push * zy + ay)
+    sx = v[0] - board[board_row.SPEED] * math.cos(board[board_row.HEADING]) + left * (push * zx + ax)
+    sy = v[1] - board[board_row.SPEED] * math.sin(board[board_row.HEADING]) + left * (push * zy + ay)
     sz = v[2] + left * (push * zz + az)
     along = nx * sx + ny * sy + nz * sz
     sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz

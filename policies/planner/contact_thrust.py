@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from policies.guidance.approach import approach
@@ -58,9 +59,9 @@ def contact_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, 
     if share <= 0.0:
         return planned
     nx, ny, nz = board_normal(board)
-    c, s = math.cos(board[3]), math.sin(board[3])
-    ux, uy, uz = nz * c, nz * s, math.sin(board[6])  # up the slope
-    wx, wy, wz = v[0] - board[4] * c, v[1] - board[4] * s, v[2]
+    c, s = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    ux, uy, uz = nz * c, nz * s, math.sin(board[board_row.INCLINATION])  # up the slope
+    wx, wy, wz = v[0] - board[board_row.SPEED] * c, v[1] - board[board_row.SPEED] * s, v[2]
     along = ux * wx + uy * wy + uz * wz
     g, drag = GRAVITY, params[pp.vehicle.drag]
     # Acceleration relative to the board without thrust, along normal and slope.
@@ -69,7 +70,7 @@ def contact_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, 
     lean = 0.5 * (ux * zx + uy * zy + uz * zz)
     lift = 0.5 * (1.0 + cosine)
     least, best = math.inf, planned
-    wanted = params[pp.terminal.speed] + params[pp.terminal.speed_steep] * math.sin(board[6])
+    wanted = params[pp.terminal.speed] + params[pp.terminal.speed_steep] * math.sin(board[board_row.INCLINATION])
     low, high = params[pp.vehicle.thrust_min] * gain, params[pp.vehicle.thrust_max] * gain
     lag, spread = params[pp.terminal.lag], params[pp.terminal.sigmas] * sigma
     for k in range(_CHOICES):

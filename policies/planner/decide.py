@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.estimation import thrust_row
@@ -109,12 +110,16 @@ def decide(state, t, p, v, q, board, estimate, future, step, params):
     if phase in (phases.FOLLOW, phases.GLIDE) and estimate[estimate_row.VALID] <= 0.0:
         phase = phases.HOLD
     # A board that is known exactly need not be kept in view.
-    if phase == phases.FOLLOW and abs(board[6]) < params[pp.glide.inclination] and estimate[estimate_row.SIGMA] > 0.0:
+    if (
+        phase == phases.FOLLOW
+        and abs(board[board_row.INCLINATION]) < params[pp.glide.inclination]
+        and estimate[estimate_row.SIGMA] > 0.0
+    ):
         phase = phases.GLIDE
-    if phase == phases.GLIDE and abs(board[6]) > params[pp.glide.inclination] + _WAVER:
+    if phase == phases.GLIDE and abs(board[board_row.INCLINATION]) > params[pp.glide.inclination] + _WAVER:
         phase = phases.FOLLOW
     left = state[state_row.CONTACT] - t
-    if phase == phases.COMMIT and left < _frozen(board[6], params):
+    if phase == phases.COMMIT and left < _frozen(board[board_row.INCLINATION], params):
         phase = phases.TERMINAL
     if phase == phases.TERMINAL and left < -params[pp.commit.overdue]:
         phase = leave(state, t, params)
@@ -125,7 +130,7 @@ def decide(state, t, p, v, q, board, estimate, future, step, params):
         phase = leave(state, t, params)
     if planner_due(state, t):
         state[state_row.NEXT] = t + params[pp.search.period]
-        state[state_row.ACCELERATION] = (future[1, 4] - future[0, 4]) / step
+        state[state_row.ACCELERATION] = (future[1, board_row.SPEED] - future[0, board_row.SPEED]) / step
         if phase == phases.COMMIT:
             low, high = max(0.12, left - 0.15), left + 0.3
             kept = _plan(state, t, p, v, q, future, step, low, high, _FEW, left, params[pp.commit.abort_cost], params)
@@ -135,22 +140,22 @@ def decide(state, t, p, v, q, board, estimate, future, step, params):
         elif phase == phases.RUN_UP:
             ahead = state[state_row.FLARE] - t
             if ahead < params[pp.run_up.commit]:
-                flare = flare_start(board[6], params)[4]
+                flare = flare_start(board[board_row.INCLINATION], params)[4]
                 low, high = max(0.3, ahead + flare - 0.1), ahead + flare + 0.4
                 if _plan(state, t, p, v, q, future, step, low, high, _FEW, 0.0, params[pp.run_up.cost], params):
                     phase = phases.COMMIT
         elif phase == phases.FOLLOW and runs_up(board, params):
-            straight = abs(board[5]) < params[pp.run_up.turn] * _slack(state, t, params)
+            straight = abs(board[board_row.TURN_RATE]) < params[pp.run_up.turn] * _slack(state, t, params)
             near = state[state_row.AWAY] < params[pp.run_up.away] * _slack(state, t, params)
             share = params[pp.run_up.slow_share] * _slack(state, t, params)
             history = state[state_row.HISTORY : state_row.HISTORY + HISTORY_DIM]
-            slow = met_slow(future, step, board[6], share, history, params)
-            if near and straight and slow and _ready(state, t, estimate, board[6], params):
+            slow = met_slow(future, step, board[board_row.INCLINATION], share, history, params)
+            if near and straight and slow and _ready(state, t, estimate, board[board_row.INCLINATION], params):
                 phase = phases.RUN_UP
-                state[state_row.FLARE] = t + runup_time(board[6], params)
+                state[state_row.FLARE] = t + runup_time(board[board_row.INCLINATION], params)
         elif (
             phase == phases.FOLLOW
-            and _ready(state, t, estimate, board[6], params)
+            and _ready(state, t, estimate, board[board_row.INCLINATION], params)
             and _plan(
                 state,
                 t,
@@ -163,7 +168,7 @@ def decide(state, t, p, v, q, board, estimate, future, step, params):
                 params[pp.search.duration_max],
                 _MANY,
                 0.0,
-                params[pp.commit.cost] / math.cos(min(1.3, board[6])),
+                params[pp.commit.cost] / math.cos(min(1.3, board[board_row.INCLINATION])),
                 params,
             )
         ):

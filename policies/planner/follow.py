@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.planner import params_row as pp
@@ -37,7 +38,7 @@ def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params
 @njit
 def face(q, p, board, params):
     """Yaw rate (rad/s) that turns the camera to the board; 0 where the board is too near for a bearing."""
-    dx, dy = board[0] - p[0], board[1] - p[1]
+    dx, dy = board[board_row.X] - p[0], board[board_row.Y] - p[1]
     near = math.sqrt(dx * dx + dy * dy) / max(params[pp.follow.yaw_near], 1e-6) - 1.0
     if near <= 0.0:
         return 0.0
@@ -61,7 +62,7 @@ def keep_in_view(ax, ay, p, board, params):
     Accelerating towards the board pitches the camera down, away from it the camera up: each by no more than the board's
     depression leaves room for, and by no less than _PITCH_LEAST.
     """
-    dx, dy, dz = board[0] - p[0], board[1] - p[1], p[2] - board[2]
+    dx, dy, dz = board[board_row.X] - p[0], board[board_row.Y] - p[1], p[2] - board[board_row.Z]
     level = max(1e-3, math.sqrt(dx * dx + dy * dy))
     dx, dy = dx / level, dy / level
     below, room = math.atan2(dz, level), params[pp.search.half_view] - _PITCH_MARGIN
@@ -76,18 +77,18 @@ def keep_in_view(ax, ay, p, board, params):
 @njit
 def follow(p, v, q, board, extra, gain, params, out):
     """Fly to the standoff behind and above the board and match its motion; `extra` m is added to the distance."""
-    steep = min(1.0, max(0.0, board[6] / _STEEP))
+    steep = min(1.0, max(0.0, board[board_row.INCLINATION] / _STEEP))
     away = (
         params[pp.follow.distance_flat] + steep * (params[pp.follow.distance] - params[pp.follow.distance_flat]) + extra
     )
     up = params[pp.follow.elevation_flat] + steep * (params[pp.follow.elevation] - params[pp.follow.elevation_flat])
-    c, s = math.cos(board[3]), math.sin(board[3])
+    c, s = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
     back = away * math.cos(up)
-    speed, turn = board[4], board[5]
+    speed, turn = board[board_row.SPEED], board[board_row.TURN_RATE]
     # The standoff is fixed to the board, so it moves sideways when the board turns.
     wx, wy = speed * c + turn * back * s, speed * s - turn * back * c
-    ex, ey = board[0] - back * c - p[0], board[1] - back * s - p[1]
-    ez = board[2] + away * math.sin(up) - p[2]
+    ex, ey = board[board_row.X] - back * c - p[0], board[board_row.Y] - back * s - p[1]
+    ez = board[board_row.Z] + away * math.sin(up) - p[2]
     kp = params[pp.follow.kp]
     gap = math.sqrt(ex * ex + ey * ey)
     slow = min(1.0, params[pp.follow.speed] / max(kp * gap, 1e-6))
@@ -103,8 +104,8 @@ def follow(p, v, q, board, extra, gain, params, out):
 @njit
 def climb_away(p, v, q, board, gain, params, out):
     """Leave the board upward and backward after a missed contact."""
-    c, s = math.cos(board[3]), math.sin(board[3])
-    vx, vy = board[4] * c - 1.2 * c, board[4] * s - 1.2 * s
+    c, s = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    vx, vy = board[board_row.SPEED] * c - 1.2 * c, board[board_row.SPEED] * s - 1.2 * s
     k = 3.0
     yaw_rate = face(q, p, board, params)
     command_acceleration(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, keep_in_view
@@ -76,13 +77,13 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
     `p`, `v` (3,) world, `q` (4,) world from body; `board` (8,) the board now, `acceleration` m/s^2 its own along its
     heading, `age` s since the last detection.
     """
-    c, s = math.cos(board[3]), math.sin(board[3])
-    speed, turn = board[4], board[5]
+    c, s = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    speed, turn = board[board_row.SPEED], board[board_row.TURN_RATE]
     # The board's acceleration is taken along its heading at the time at which the vehicle will have reached it.
-    then = board[3] + _AHEAD * turn
+    then = board[board_row.HEADING] + _AHEAD * turn
     bx = acceleration * math.cos(then) - turn * speed * math.sin(then)
     by = acceleration * math.sin(then) + turn * speed * math.cos(then)
-    dx, dy = board[0] - p[0], board[1] - p[1]
+    dx, dy = board[board_row.X] - p[0], board[board_row.Y] - p[1]
     distance = math.sqrt(dx * dx + dy * dy)
     behind = min(1.0, max(0.0, (_BEARING - distance) / (_BEARING - _BEHIND)))
     sight = (1.0 - behind) / max(distance, 1e-6)
@@ -92,7 +93,7 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
         ux, uy, norm = c, s, 1.0
     ux, uy = ux / norm, uy / norm
     away, side = dx * ux + dy * uy, dy * ux - dx * uy
-    height = p[2] - board[2] - params[pp.vehicle.contact_below]
+    height = p[2] - board[board_row.Z] - params[pp.vehicle.contact_below]
     falling = glide_sink(params[pp.vehicle.drag], turn, age)
     closing, sink, wanted, left = glide_reference(away, falling)
     brake = _BRAKE if left > 0.0 and closing < _FASTEST else 0.0

@@ -6,6 +6,7 @@ float64 row (`state_row`); what it is told of the board is another (`estimate_ro
 
 from __future__ import annotations
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.estimation import thrust_row
@@ -80,7 +81,7 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
         hold(q, v, 0.3 if state[state_row.ENGAGED] >= 0.0 else 0.0, gain, params, out)
     elif phase == phases.RUN_UP or (phase == phases.FOLLOW and runs_up(board, params)):
         resting = phase == phases.FOLLOW
-        left = runup_time(board[6], params) if resting else state[state_row.FLARE] - t
+        left = runup_time(board[board_row.INCLINATION], params) if resting else state[state_row.FLARE] - t
         error, rate = fly_runup(left, resting, p, v, q, board, state[state_row.ACCELERATION], gain, params, out)
         state[state_row.AWAY] = error + 0.3 * rate
     elif phase == phases.FOLLOW:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, face, keep_in_view
@@ -26,8 +27,8 @@ _STEADY = 0.3  # m/s, range of speeds below which no moment is better than anoth
 @njit
 def runs_up(board, params):
     """True for a board so steep for its speed that it takes a run-up: a slow one can be met from any side."""
-    slow = min(1.0, max(0.0, 1.0 - (abs(board[4]) - _SLOW) / (_FAST - _SLOW)))
-    return board[6] >= params[pp.run_up.inclination] + params[pp.run_up.inclination_slow] * slow
+    slow = min(1.0, max(0.0, 1.0 - (abs(board[board_row.SPEED]) - _SLOW) / (_FAST - _SLOW)))
+    return board[board_row.INCLINATION] >= params[pp.run_up.inclination] + params[pp.run_up.inclination_slow] * slow
 
 
 @njit
@@ -75,8 +76,8 @@ def met_slow(future, step, inclination, share, history, params):
     ahead = (runup_time(inclination, params) + flare_start(inclination, params)[4]) / step
     least, most = history_range(history)
     for k in range(future.shape[0]):
-        least, most = min(least, abs(future[k, 4])), max(most, abs(future[k, 4]))
-    then = abs(future[min(future.shape[0] - 1, int(ahead + 0.5)), 4])
+        least, most = min(least, abs(future[k, board_row.SPEED])), max(most, abs(future[k, board_row.SPEED]))
+    then = abs(future[min(future.shape[0] - 1, int(ahead + 0.5)), board_row.SPEED])
     return most - least < _STEADY or then <= least + share * (most - least)
 
 
@@ -101,14 +102,14 @@ def fly_runup(left, resting, p, v, q, board, acceleration, gain, params, out):
 
     `left` s to the flare; `acceleration` m/s^2 of the board now.
     """
-    x, z, ux, uz, ax, az = runup_reference(left, board[6], params)
+    x, z, ux, uz, ax, az = runup_reference(left, board[board_row.INCLINATION], params)
     if resting:
         ux = uz = ax = az = 0.0
-    c, s = math.cos(board[3]), math.sin(board[3])
-    speed, turn = board[4], board[5]
+    c, s = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    speed, turn = board[board_row.SPEED], board[board_row.TURN_RATE]
     # The reference turns with the board, so its far end moves sideways.
     wx, wy = (speed + ux) * c - turn * x * s, (speed + ux) * s + turn * x * c
-    ex, ey, ez = board[0] + x * c - p[0], board[1] + x * s - p[1], board[2] + z - p[2]
+    ex, ey, ez = board[board_row.X] + x * c - p[0], board[board_row.Y] + x * s - p[1], board[board_row.Z] + z - p[2]
     dx, dy, dz = wx - v[0], wy - v[1], uz - v[2]
     kp, kv = params[pp.run_up.kp], params[pp.run_up.kv]
     error, rate = math.sqrt(ex * ex + ey * ey + ez * ez), math.sqrt(dx * dx + dy * dy + dz * dz)

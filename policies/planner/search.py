@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
 from policies.planner import params_row as pp
@@ -34,11 +35,11 @@ def _drift(start, board, vx, vy, ax, ay, duration, params):
     free = min(1.0, max(0.0, 2.0 - 2.0 * duration / max(params[pp.contact.aim], 1e-6)))
     if free <= 0.0:
         return 0.0
-    ch, sh = math.cos(board[3]), math.sin(board[3])
+    ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
     mean_x, mean_y = 0.5 * duration * (start[3] + vx), 0.5 * duration * (start[4] + vy)
     bend = duration * duration / 12.0
-    dx = start[0] + mean_x + bend * (start[6] - ax) - board[0]
-    dy = start[1] + mean_y + bend * (start[7] - ay) - board[1]
+    dx = start[0] + mean_x + bend * (start[6] - ax) - board[board_row.X]
+    dy = start[1] + mean_y + bend * (start[7] - ay) - board[board_row.Y]
     return free * min(params[pp.contact.miss], max(-params[pp.contact.miss], dy * ch - dx * sh))
 
 
@@ -56,20 +57,22 @@ def fit_perch(start, board, duration, thrust, skid, params, motion):
         - params[pp.contact.overshoot_by_acceleration] * max(0.0, abs(board[7]) - _STEADY)
     )
     into, flat = params[pp.contact.speed], params[pp.contact.flatten] * max(0.0, 2.0 * nz - 1.0)
-    ch, sh = math.cos(board[3]), math.sin(board[3])
-    vx = (board[4] + skid * nz) * ch - into * nx
-    vy = (board[4] + skid * nz) * sh - into * ny
-    vz = skid * math.sin(board[6]) - into * nz
+    ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    vx = (board[board_row.SPEED] + skid * nz) * ch - into * nx
+    vy = (board[board_row.SPEED] + skid * nz) * sh - into * ny
+    vz = skid * math.sin(board[board_row.INCLINATION]) - into * nz
     drag = params[pp.vehicle.drag]
-    lean = params[pp.contact.lean] * min(1.0, 2.0 * math.sin(board[6]))
+    lean = params[pp.contact.lean] * min(1.0, 2.0 * math.sin(board[board_row.INCLINATION]))
     cl, sl = math.cos(lean), math.sin(lean)
-    zx, zy, zz = nx * cl + nz * ch * sl, ny * cl + nz * sh * sl, nz * cl + math.sin(board[6]) * sl
+    zx, zy, zz = nx * cl + nz * ch * sl, ny * cl + nz * sh * sl, nz * cl + math.sin(board[board_row.INCLINATION]) * sl
     fx, fy, fz = thrust * zx - drag * vx, thrust * zy - drag * vy, thrust * zz - drag * vz - GRAVITY
     aside = _drift(start, board, vx, vy, fx, fy, duration, params)
-    x, y = board[0] + offset * nx - aside * sh, board[1] + offset * ny + aside * ch
+    x, y = board[board_row.X] + offset * nx - aside * sh, board[board_row.Y] + offset * ny + aside * ch
     poly.fit_axis(start[0], start[3], start[6], x, vx, fx, duration, flat, motion, 0)
     poly.fit_axis(start[1], start[4], start[7], y, vy, fy, duration, flat, motion, _C)
-    poly.fit_axis(start[2], start[5], start[8], board[2] + offset * nz, vz, fz, duration, flat, motion, 2 * _C)
+    poly.fit_axis(
+        start[2], start[5], start[8], board[board_row.Z] + offset * nz, vz, fz, duration, flat, motion, 2 * _C
+    )
 
 
 @njit
@@ -103,7 +106,7 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
             x, y, z = poly.position(motion, 0, t), poly.position(motion, _C, t), poly.position(motion, 2 * _C, t)
             board_at(future, step, offset + t, board)
             nx, ny, nz = board_normal(board)
-            dx, dy, dz = x - board[0], y - board[1], z - board[2]
+            dx, dy, dz = x - board[board_row.X], y - board[board_row.Y], z - board[board_row.Z]
             cosine = nx * zx + ny * zy + nz * zz
             distance = math.sqrt(dx * dx + dy * dy + dz * dz)
             height = nx * dx + ny * dy + nz * dz
@@ -152,7 +155,7 @@ def search(
             continue
         board_at(future, step, offset + duration + step, board)
         board_at(future, step, offset + duration, target)
-        target[7] = (board[4] - target[4]) / step
+        target[7] = (board[board_row.SPEED] - target[4]) / step
         for j in range(2 * THRUSTS):
             thrust = params[pp.search.thrust_min] + (params[pp.search.thrust_max] - params[pp.search.thrust_min]) * (
                 j // 2

@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from vehicle.quadrotor import limits_row
 
@@ -49,11 +50,15 @@ def history_dim(stride: int) -> int:
 @njit
 def write_entry(board, seconds, out, at):
     """Write [x, y, z, normal, vx, vy, turn rate, seconds] of a board row into `out` from index `at`."""
-    ch, sh = math.cos(board[3]), math.sin(board[3])
-    ci, si = math.cos(board[6]), math.sin(board[6])
-    out[at], out[at + 1], out[at + 2] = board[0], board[1], board[2]
+    ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
+    ci, si = math.cos(board[board_row.INCLINATION]), math.sin(board[board_row.INCLINATION])
+    out[at], out[at + 1], out[at + 2] = board[board_row.X], board[board_row.Y], board[board_row.Z]
     out[at + 3], out[at + 4], out[at + 5] = -si * ch, -si * sh, ci
-    out[at + 6], out[at + 7], out[at + 8] = board[4] * ch, board[4] * sh, board[5]
+    out[at + 6], out[at + 7], out[at + 8] = (
+        board[board_row.SPEED] * ch,
+        board[board_row.SPEED] * sh,
+        board[board_row.TURN_RATE],
+    )
     out[at + 9] = seconds
 
 

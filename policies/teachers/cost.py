@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from policies.planner import params_row as pp
 from policies.planner import polynomial as poly
@@ -26,7 +27,7 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, p
     """
     motion, board = row[at : at + expert_row.MOTION], row[expert_row.BOARD : expert_row.BOARD + 8]
     low, high = e[AT.low] * gain, e[AT.high] * gain
-    rate = e[AT.rate_flat] + min(1.0, 2.0 * math.sin(future[0, 6])) * (e[AT.rate] - e[AT.rate_flat])
+    rate = e[AT.rate_flat] + min(1.0, 2.0 * math.sin(future[0, board_row.INCLINATION])) * (e[AT.rate] - e[AT.rate_flat])
     below, radius = planner[pp.vehicle.contact_below], planner[pp.vehicle.contact_radius]
     cost, dt = 0.0, duration / _SAMPLES
     for k in range(1, _SAMPLES + 1):
@@ -64,10 +65,10 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, p
         left = after + duration - t
         if left > 1e-6:
             board_at(future, step, offset + t, board)
-            dx, dy, dz = x - board[0], y - board[1], z - board[2]
+            dx, dy, dz = x - board[board_row.X], y - board[board_row.Y], z - board[board_row.Z]
             distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-            si, ci = math.sin(board[6]), math.cos(board[6])
-            nx, ny, nz = -si * math.cos(board[3]), -si * math.sin(board[3]), ci
+            si, ci = math.sin(board[board_row.INCLINATION]), math.cos(board[board_row.INCLINATION])
+            nx, ny, nz = -si * math.cos(board[board_row.HEADING]), -si * math.sin(board[board_row.HEADING]), ci
             height = nx * dx + ny * dy + nz * dz
             if distance < _REACH:
                 cosine = nx * zx + ny * zy + nz * zz

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from groundcar.motion import board_row
 from kernel.jit import njit
 from policies.planner import polynomial as poly
 from policies.prediction.future import board_at
@@ -29,15 +30,17 @@ def _fit_move(row, future, step, contact, e):
     """
     board, begin = row[expert_row.BOARD : expert_row.BOARD + 8], row[expert_row.TARGET : expert_row.TARGET + 8]
     board_at(future, step, contact, board)
-    si, ci = math.sin(board[6]), math.cos(board[6])
+    si, ci = math.sin(board[board_row.INCLINATION]), math.cos(board[board_row.INCLINATION])
     length = e[AT.move_flat] + si * (e[AT.move_steep] - e[AT.move_flat])
     thrust = max(e[AT.thrust_flat] * GRAVITY * ci, e[AT.thrust_steep])
-    ch, sh = math.cos(board[3]), math.sin(board[3])
+    ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
     nx, ny, nz = -si * ch, -si * sh, ci
     first, second, glide = 0.5 + e[AT.ease] / 6.0, 1.0 / 6.0 + e[AT.ease] / 12.0, e[AT.glide] * ci * ci
     for k in range(3):
         n = nx if k == 0 else (ny if k == 1 else nz)
-        v = -e[AT.impact] * n + (board[4] * ch if k == 0 else (board[4] * sh if k == 1 else 0.0))
+        v = -e[AT.impact] * n + (
+            board[board_row.SPEED] * ch if k == 0 else (board[board_row.SPEED] * sh if k == 1 else 0.0)
+        )
         a = thrust * n - (GRAVITY if k == 2 else 0.0)
         p = board[k] + _OVER * n
         begin[3 + k] = v - a * length * first
@@ -56,20 +59,20 @@ def _fit_end(row, future, step, contact, e):
     Late corrections across the normal would tilt the vehicle, and the board is large: the nearer contact is, the more
     the plan ends where the vehicle drifts anyway (free end position), up to `miss`.
     """
-    board_row, start = row[expert_row.BOARD : expert_row.BOARD + 8], row[expert_row.START : expert_row.START + 9]
-    board_at(future, step, contact, board_row)
-    si, ci = math.sin(board_row[6]), math.cos(board_row[6])
+    target, start = row[expert_row.BOARD : expert_row.BOARD + 8], row[expert_row.START : expert_row.START + 9]
+    board_at(future, step, contact, target)
+    si, ci = math.sin(target[board_row.INCLINATION]), math.cos(target[board_row.INCLINATION])
     thrust = max(e[AT.thrust_flat] * GRAVITY * ci, e[AT.thrust_steep])
-    ch, sh = math.cos(board_row[3]), math.sin(board_row[3])
+    ch, sh = math.cos(target[board_row.HEADING]), math.sin(target[board_row.HEADING])
     natural, end = row[expert_row.TARGET : expert_row.TARGET + 3], row[expert_row.TARGET + 3 : expert_row.TARGET + 9]
     n = (-si * ch, -si * sh, ci)
     along = 0.0
     for k in range(3):
-        board = board_row[4] * ch if k == 0 else (board_row[4] * sh if k == 1 else 0.0)
+        board = target[board_row.SPEED] * ch if k == 0 else (target[board_row.SPEED] * sh if k == 1 else 0.0)
         end[k] = board - e[AT.impact] * n[k]
         end[3 + k] = thrust * n[k] - (GRAVITY if k == 2 else 0.0)
         mean, bend = 0.5 * (start[3 + k] + end[k]), (start[6 + k] - end[3 + k]) / 12.0
-        natural[k] = start[k] + contact * mean + contact * contact * bend - board_row[k]
+        natural[k] = start[k] + contact * mean + contact * contact * bend - target[k]
         along += natural[k] * n[k]
     miss = 0.0
     for k in range(3):
@@ -78,7 +81,7 @@ def _fit_end(row, future, step, contact, e):
     free = min(1.0, max(0.0, (e[AT.aim] - contact) / (0.5 * e[AT.aim])))
     free *= min(1.0, e[AT.miss] / max(math.sqrt(miss), 1e-6))
     for k in range(3):
-        p = board_row[k] + _OVER * n[k] + free * natural[k]
+        p = target[k] + _OVER * n[k] + free * natural[k]
         at = expert_row.TRY1 + k * expert_row.AXIS
         poly.fit_axis(start[k], start[3 + k], start[6 + k], p, end[k], end[3 + k], contact, e[AT.flatten], row, at)
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from groundcar.motion import board_row
 from kernel.jit import njit, prange
 from policies.environment import config_row, episode_row
 from policies.environment.config import TICK
@@ -52,7 +53,11 @@ def _board_now(rows, i, shared, now, x, covariance, estimate):
     step = int(rows.state[i, episode_row.STEP])
     x[:] = rows.track[i, step]
     lag = min(_LAG, step)
-    x[7] = (rows.track[i, step, 4] - rows.track[i, step - lag, 4]) / (lag * TICK) if lag > 0 else 0.0
+    x[7] = (
+        (rows.track[i, step, board_row.SPEED] - rows.track[i, step - lag, board_row.SPEED]) / (lag * TICK)
+        if lag > 0
+        else 0.0
+    )
 
 
 @njit
