@@ -1,4 +1,4 @@
-"""The one way kernels are compiled here: `njit` with an on-disk cache that notices changes in callees.
+"""Compilation of all kernels: `njit` with an on-disk cache that notices changes in called functions.
 
 Numba's own cache looks only at the file a function stands in: change a helper in another file and callers keep the
 old machine code. The cache stamp here covers every kernel file that a module reaches.
@@ -84,7 +84,7 @@ def cache_is_cold() -> bool:
 def _reached(module: ModuleType, seen: dict[str, ModuleType]) -> dict[str, ModuleType]:
     if module.__name__ not in seen:
         seen[module.__name__] = module
-        if module.__name__ == __name__:  # all that hangs here hangs on whoever has been imported before
+        if module.__name__ == __name__:  # its globals depend on what was imported before
             return seen
         for value in list(vars(module).values()):
             name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)

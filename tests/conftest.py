@@ -2,5 +2,5 @@
 
 from hypothesis import settings
 
-settings.register_profile("house", deadline=None, derandomize=True)
-settings.load_profile("house")
+settings.register_profile("reproducible", deadline=None, derandomize=True)
+settings.load_profile("reproducible")

@@ -85,7 +85,7 @@ def _png(board: Board, dpi: int) -> bytes:
     scale = max(1, round(board.module * dpi / 0.0254))
     face = np.kron(bitmap(board), np.ones((scale, scale), np.uint8))
     data = cv2.imencode(".png", face)[1].tobytes()
-    # A PNG without pHYs prints at whatever size the viewer likes: say how many pixels a metre holds
+    # Without pHYs the viewer chooses a PNG's printed size: write the pixels per metre
     physical = b"pHYs" + struct.pack(">IIB", round(scale / board.module), round(scale / board.module), 1)
     chunk = struct.pack(">I", 9) + physical + struct.pack(">I", zlib.crc32(physical))
     header_end = 8 + 25

@@ -123,7 +123,7 @@ def motion_reset(row, aux, u, z, inclination, moving):
 
 @njit
 def motion_step(row, aux, dt, stream):
-    """Advance the board by `dt` s (meant for 0.002 to 0.02). `stream` is touched only by a perturbed speed law."""
+    """Advance the board by `dt` s (meant for 0.002 to 0.02). `stream` is drawn from only by a perturbed speed law."""
     kind, params = int(aux[motion_row.SPEED_KIND]), aux[motion_row.SPEED : motion_row.SPEED + speed_row.DIM]
     _advance(
         row,

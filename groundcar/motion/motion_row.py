@@ -1,4 +1,4 @@
-"""Indices of a motion row, (DIM,) float64: what one board does, and where it is in doing so.
+"""Indices of a motion row, (DIM,) float64: path, speed law and state of the motion of one board.
 
 The first entries, up to CHANGE_TIME, are the state of the motion; the rest is constant.
 """

@@ -1,4 +1,4 @@
-"""The Scout Mini's CAN protocol V2: frames to named values and back, as `scout_mini.dbc` says (read by cantools).
+"""The Scout Mini's CAN protocol V2: frames to named values and back, as `scout_mini.dbc` defines (read by cantools).
 
 A frame is any (can_id, data) pair, so that frames of every wire fit; those made here also have the attributes `can_id`
 and `data`.
@@ -17,7 +17,7 @@ from cantools.database.can import Database, Message
 
 DBC_PATH = Path(__file__).parent / "scout_mini.dbc"
 LENGTH = 8
-V1_STATE_ID = 0x151  # a car that sends this speaks protocol V1
+V1_STATE_ID = 0x151  # a car that sends this uses protocol V1
 COMMANDS = ("MotionCommand", "LightCommand", "BrakeCommand", "ControlMode", "ClearErrors")
 SHORT_COMMANDS = ("BrakeCommand", "ControlMode", "ClearErrors")  # the manual sends one byte, AgileX's own SDK eight
 

@@ -50,7 +50,7 @@ class Feedback(NamedTuple):
 
 
 class WrongProtocolError(RuntimeError):
-    """The car speaks protocol V1, which this driver does not."""
+    """The car uses protocol V1, which this driver does not support."""
 
 
 class ScoutLink:
@@ -60,8 +60,8 @@ class ScoutLink:
         params = params or load_scout()
         self._wire, self._protocol, self._limits = wire, params.protocol, params.limits
         self._decoder = Decoder(feedback_names())
-        self._heard: dict[str, dict[str, float]] = {}
-        self._heard_ns: dict[str, int] = {}
+        self._received: dict[str, dict[str, float]] = {}
+        self._received_ns: dict[str, int] = {}
         self._first_ns: int | None = None
         self._enable_ns: int | None = None
         self._motion_ns: int | None = None
@@ -77,21 +77,21 @@ class ScoutLink:
         """Read the car's frames, then send what is due. `command`: a Command or its like, or None to send nothing.
 
         A command that is not finite, from the future or older than `command_max_age` is refused and counted. Raises
-        WrongProtocolError if the car speaks V1.
+        WrongProtocolError if the car uses V1.
         """
         self._first_ns = now_ns if self._first_ns is None else self._first_ns
         for frame in self._wire.receive():
-            self._hear(frame, now_ns)
+            self._receive(frame, now_ns)
         self._fault = self._judge(now_ns)
-        self._mode = MODES.get(int(self._heard.get("SystemState", {}).get("mode", -1)), "")
-        if "MotionState" in self._heard and self._mode in ("standby", "uart", ""):
+        self._mode = MODES.get(int(self._received.get("SystemState", {}).get("mode", -1)), "")
+        if "MotionState" in self._received and self._mode in ("standby", "uart", ""):
             self._ask_for_control(now_ns)
         if command is not None and self._acceptable(command, now_ns) and self._mode == "can":
             self._command(command, now_ns)
         return self._feedback()
 
     def brake(self, lock: bool) -> None:
-        """Lock or free the wheels (the car obeys in CAN mode)."""
+        """Lock or free the wheels (effective in CAN mode only)."""
         self._wire.send(encode("BrakeCommand", {"lock": lock}))
 
     def clear_errors(self, motor: int = 0) -> None:
@@ -107,29 +107,29 @@ class ScoutLink:
         self._wire.send(encode("MotionCommand", {}))
         self._wire.send(encode("ControlMode", {"mode": 0}))
 
-    def _hear(self, frame: tuple[int, bytes], now_ns: int) -> None:
+    def _receive(self, frame: tuple[int, bytes], now_ns: int) -> None:
         if frame[0] == V1_STATE_ID:
             raise WrongProtocolError(
                 "the car sends 0x151, so it speaks AgileX protocol V1; this driver speaks V2 only: "
                 "update the car's firmware (V2 cars send 0x221), or check that this is the Scout's bus"
             )
-        heard = self._decoder.decode(frame)
-        if heard is not None:
-            self._heard[heard[0]] = heard[1]
-            self._heard_ns[heard[0]] = now_ns
+        decoded = self._decoder.decode(frame)
+        if decoded is not None:
+            self._received[decoded[0]] = decoded[1]
+            self._received_ns[decoded[0]] = now_ns
 
     def _judge(self, now_ns: int) -> str:
         faults = []
         silent_ns = round(self._protocol.silent_after * 1e9)
-        if now_ns - self._heard_ns.get("MotionState", self._first_ns or 0) > silent_ns:
+        if now_ns - self._received_ns.get("MotionState", self._first_ns or 0) > silent_ns:
             faults.append("silent: no motion state (0x221) on the bus")
-        system = self._heard.get("SystemState", {})
+        system = self._received.get("SystemState", {})
         if system.get("state") == 1:
             faults.append("e-stop pressed")
         if system.get("under_voltage"):
             faults.append("battery empty")
         for wheel in (1, 2, 3, 4):
-            driver = self._heard.get(f"Driver{wheel}", {})
+            driver = self._received.get(f"Driver{wheel}", {})
             faults += [f"wheel {wheel} {bit.replace('_', ' ')}" for bit in WHEEL_BITS if driver.get(bit)]
         if system.get("state") == 2 and not faults:
             faults.append("fault of unknown cause")
@@ -165,13 +165,13 @@ class ScoutLink:
         return encode("MotionCommand", {"speed": speed, "turn_rate": turn})
 
     def _feedback(self) -> Feedback:
-        motion, rolled = self._heard.get("MotionState", {}), self._heard.get("Odometry", {})
+        motion, rolled = self._received.get("MotionState", {}), self._received.get("Odometry", {})
         return Feedback(
-            stamp_ns=self._heard_ns.get("MotionState", 0),
+            stamp_ns=self._received_ns.get("MotionState", 0),
             speed=motion.get("speed", 0.0),
             turn_rate=motion.get("turn_rate", 0.0),
             mode=self._mode,
-            battery_v=self._heard.get("SystemState", {}).get("battery", 0.0),
+            battery_v=self._received.get("SystemState", {}).get("battery", 0.0),
             fault=self._fault,
             rejected_frames=self._decoder.rejected,
             left_m=rolled.get("left", 0.0),

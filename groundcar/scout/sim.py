@@ -1,6 +1,6 @@
 """The simulated Scout Mini behind its CAN wire: the other end of the bus in place of the car.
 
-Power-on is standby, where only 0x421 is obeyed; the remote control has priority; 500 ms without a motion command stop
+Power-on is standby, where only 0x421 is accepted; the remote control has priority; 500 ms without a motion command stop
 the car; e-stop, faults and an empty battery stop it too. Physics: groundcar.scout.physics. Time comes from `step`.
 """
 
@@ -156,7 +156,7 @@ class ScoutSim:
             self._time_ns += ph.STEP_NS
             self._move(self._time_ns)
         for frame in self._wire.receive():
-            self._hear(frame, now_ns)
+            self._receive(frame, now_ns)
         if self._protocol == 1:
             if self._sender.due("SystemState", now_ns):
                 self._wire.send(Frame(V1_STATE_ID, bytes(8)))
@@ -176,11 +176,11 @@ class ScoutSim:
         ph.physics_step(self._state, self._row, asked[0], asked[1], stopping, dt, self._stream)
         self.battery.use(float(self._state[car_row.WHEEL_ACCEL]), float(self._state[car_row.WHEEL_SPEED]), dt)
 
-    def _hear(self, frame: tuple[int, bytes], now_ns: int) -> None:
-        heard = self._decoder.decode(frame) if self._protocol == 2 else None
-        if heard is None:
+    def _receive(self, frame: tuple[int, bytes], now_ns: int) -> None:
+        decoded = self._decoder.decode(frame) if self._protocol == 2 else None
+        if decoded is None:
             return
-        name, values = heard
+        name, values = decoded
         if name == "ControlMode" and self._rc is None and values["mode"] <= UART:
             self.mode = int(values["mode"])
         elif self.mode != CAN:

@@ -29,7 +29,7 @@ class BusReport:
 
 
 def measure_bus() -> BusReport:
-    """Send a hundred poses at 200 Hz. Raises Unavailable if the bus does not come up or nothing arrives."""
+    """Send a hundred poses at 200 Hz. Raises Unavailable if the bus does not start or nothing arrives."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
@@ -67,7 +67,7 @@ def compare_clocks(endpoint: str, keys: Path | None) -> Clock:
 
 
 def _first(sender: Bus, mailbox: Mailbox) -> None:
-    """The subscription takes a moment to reach the sender."""
+    """Wait until the subscription has reached the sender."""
     end = time.monotonic() + 3.0
     while time.monotonic() < end:
         _send(sender)
@@ -87,4 +87,4 @@ def _send(sender: Bus) -> None:
 
 def _collect(mailbox: Mailbox, delays: list[int]) -> None:
     arrived = time.monotonic_ns()
-    delays += [arrived - letter.published_ns for letter in mailbox.drain()]
+    delays += [arrived - delivery.published_ns for delivery in mailbox.drain()]

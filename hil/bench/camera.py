@@ -87,7 +87,7 @@ class CameraBench:
         return found
 
     def _stand(self, distance: float, inclination: float) -> tuple[Vec3, Quat]:
-        """Vehicle position and attitude from which the true camera looks at the board's centre, behind and above."""
+        """Vehicle position and attitude that centre the board in the true camera's view, from behind and above."""
         # Angle of the sight line from the heading, up and backward; off the normal to the side that stays level-headed
         angle = math.pi / 2 + inclination + (_OFF_NORMAL if inclination < math.pi / 4 else -_OFF_NORMAL)
         toward = (math.cos(angle), 0.0, math.sin(angle))

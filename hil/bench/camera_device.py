@@ -69,7 +69,7 @@ class DeviceBench:
 
     @property
     def mode(self) -> tuple[int, int, float]:
-        """Width, height (px) and rate (Hz) that came, the rate over all pictures."""
+        """Width, height (px) and rate (Hz) that were delivered, the rate over all pictures."""
         height, width = self._shots[0][1].shape
         (first_ns, _, first), (last_ns, _, last) = self._shots[0], self._shots[-1]
         seconds = (last_ns - first_ns) * 1e-9

@@ -31,7 +31,7 @@ class CarBench:
     """Our driver on the bus of a real or a software Scout."""
 
     def __init__(self, pace: Pace, wire: Any, source: str) -> None:
-        """Listens until the car grants CAN control, for two seconds at most. Raises Unavailable."""
+        """Receives until the car grants CAN control, for two seconds at most. Raises Unavailable."""
         self._pace, self._clock, self._wire, self.source = pace, pace.clock, wire, source
         self._link = ScoutLink(wire)
         self.feedback = self._step()
@@ -67,7 +67,7 @@ class CarBench:
         """Drive at `speed` (m/s) for a second, then send nothing. Raises Unavailable if it does not drive."""
         if not self._link.ready:
             raise Unavailable(f"the car does not take commands: mode {self.feedback.mode}, {self.feedback.fault}")
-        self.feedback = feedback = self._step()  # process what came since
+        self.feedback = feedback = self._step()  # process what has arrived since
         began = sent = self._clock.now_ns
         while self._clock.now_ns - began < 1_000_000_000:
             due = self._clock.now_ns - sent >= _COMMAND_NS

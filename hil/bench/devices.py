@@ -1,4 +1,4 @@
-"""What a checklist is about, and the devices its checks read: each opened on first need and kept for the next check."""
+"""The subject of a checklist, and the devices that its checks read: each is opened on first use and then kept."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _STALE_S = 5.0  # a report of a real device older than this is taken anew
 
 @dataclass
 class Context:
-    """Rig, policy and scenario of one checklist. `out`: where runs are recorded; `run`: the run to look back on.
+    """Rig, policy and scenario of one checklist. `out`: where runs are recorded; `run`: the run to examine.
 
     `endpoint` and `keys`: the bus of a rig on several hosts.
     """
@@ -48,7 +48,7 @@ class Context:
     endpoint: str = ""
     keys: Path | None = None
     _kept: dict[str, Any] = field(default_factory=dict)
-    _listened: float = 0.0
+    _reported_s: float = 0.0
 
     @cached_property
     def airframe(self) -> Airframe:
@@ -64,11 +64,11 @@ class Context:
         """The autopilot, on the ground and disarmed."""
         live = self.rig.vehicle.kind == "mavlink"
         bench: Bench = self._of("vehicle", "bench", self._bench, ("sim", "mavlink"))
-        if live and time.monotonic() - self._listened > _STALE_S:  # the report may be old by now
+        if live and time.monotonic() - self._reported_s > _STALE_S:  # the report may be old by now
             self._kept.pop("ground", None)
         if "ground" not in self._kept:
             self._kept["ground"] = read_ground(bench)
-            self._listened = time.monotonic()
+            self._reported_s = time.monotonic()
         return self._kept["ground"]
 
     def _bench(self) -> Bench:

@@ -1,4 +1,4 @@
-"""A second of motion capture: rate and age of its poses."""
+"""Measures rate and age of motion capture's poses for one second."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor.airframe import Airframe
 
 _MS = 1_000_000
-_LISTEN_NS = 1_000_000_000
+_RECEIVE_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -33,22 +33,22 @@ class MocapReport:
 
 
 def measure_mocap(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
-    """Measure with the vehicle at rest. Raises Unavailable if nothing comes."""
+    """Measure with the vehicle at rest. Raises Unavailable if nothing arrives."""
     if rig.mocap.kind == "vrpn":
-        return _listen(rig.mocap)
+        return _receive(rig.mocap)
     return _modelled(rig, airframe, drawn)
 
 
-def _listen(slot: MocapSlot) -> MocapReport:
+def _receive(slot: MocapSlot) -> MocapReport:
     poses_received: list[tuple[int, int]] = []
     try:
         wire = VrpnMocap(slot.server, (slot.vehicle_body, slot.board_body), round(slot.delay_ms * _MS))
         wire.wait_for_bodies()
     except WireError as error:
         raise Unavailable(str(error)) from None
-    wire.take(0)  # poses that came during the wait
+    wire.take(0)  # poses that arrived during the wait
     began = time.monotonic_ns()
-    while time.monotonic_ns() - began < _LISTEN_NS:
+    while time.monotonic_ns() - began < _RECEIVE_NS:
         time.sleep(0.002)
         poses = wire.take(0)
         now = time.monotonic_ns() - began
@@ -68,7 +68,7 @@ def _modelled(rig: Rig, airframe: Airframe, drawn: Drawn) -> MocapReport:
         if topic == "mocap/vehicle":
             poses_received.append((now_ns, getattr(message, "stamp_ns")))  # noqa: B009
 
-    Lockstep([device, node], clock, tap).run(lambda now: now >= _LISTEN_NS)
+    Lockstep([device, node], clock, tap).run(lambda now: now >= _RECEIVE_NS)
     return _report(poses_received, "modelled motion capture")
 
 
@@ -77,6 +77,6 @@ def _report(poses_received: list[tuple[int, int]], source: str) -> MocapReport:
     if len(poses_received) < 2:
         raise Unavailable("motion capture sent nothing in a second")
     gaps = [b[0] - a[0] for a, b in pairwise(poses_received)]
-    oldest = max(b[0] - a[1] for a, b in pairwise(poses_received))  # just before the next one came
+    oldest = max(b[0] - a[1] for a, b in pairwise(poses_received))  # just before the next one arrived
     rate = (len(poses_received) - 1) * 1e9 / (poses_received[-1][0] - poses_received[0][0])
     return MocapReport(rate, oldest / _MS, max(gaps) / _MS, source)

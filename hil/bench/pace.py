@@ -1,4 +1,4 @@
-"""The time of a bench: wall time for real devices, computed time for simulated ones."""
+"""The time base of a bench: wall time for real devices, computed time for simulated ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why reading a device gave no value."""
+"""Exceptions that state why reading a device gave no value."""
 
 from __future__ import annotations
 

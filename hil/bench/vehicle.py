@@ -1,4 +1,4 @@
-"""The autopilot on the bench: what it sends on its wire, real or simulated, at rest and disarmed."""
+"""The autopilot on the bench, real or simulated: the messages that it sends at rest and disarmed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from vehicle.quadrotor.airframe import Airframe
 
 _MS = 1_000_000
 _ANSWER_LIMIT_NS = 20_000_000_000
-_LISTEN_NS = 2_000_000_000
+_RECEIVE_NS = 2_000_000_000
 _HEALTH_LIMIT_NS = 10_000_000_000  # a PX4 that has just booted needs five seconds
 _START = (0.0, 0.0, 2.5, 0.0)
 
@@ -70,7 +70,7 @@ class GroundReport:
 
     received: dict[str, list[tuple[int, Any]]]
     parameters: dict[str, float]
-    until_ns: int  # our time at the end of listening
+    until_ns: int  # our time at the end of receiving
     listened_ns: int
     round_trip_ns: int
     clock_offset_ns: int
@@ -84,7 +84,7 @@ class GroundReport:
         return self.received[name][-1][1]
 
     def rate_hz(self, name: str) -> float:
-        """Messages a second while listening."""
+        """Messages per second while receiving."""
         count = sum(now >= self.until_ns - self.listened_ns for now, _ in self.received.get(name, ()))
         return count / (self.listened_ns * 1e-9)
 
@@ -147,7 +147,7 @@ def live_bench(airframe: Airframe, rig: Rig) -> Bench:
 
 
 def read_ground(bench: Bench) -> GroundReport:
-    """Let the driver set its parameters and streams if it has not yet, then listen for two seconds.
+    """Let the driver set its parameters and streams if it has not yet, then receive for two seconds.
 
     Raises Unavailable if it gets no answer. The vehicle is not armed.
     """
@@ -159,7 +159,7 @@ def read_ground(bench: Bench) -> GroundReport:
             raise Unavailable(f"no working link to {bench.source}: {'; '.join(bench.notes[-2:]) or bench.link.phase}")
     since = bench.clock.now_ns
     fine = False
-    while bench.clock.now_ns - since < (_LISTEN_NS if fine else _HEALTH_LIMIT_NS):
+    while bench.clock.now_ns - since < (_RECEIVE_NS if fine else _HEALTH_LIMIT_NS):
         bench.step()
         status = bench.tap.received.get("SYS_STATUS")
         fine = bool(status and status[-1][1].onboard_control_sensors_health & px4.PREARM_CHECK)

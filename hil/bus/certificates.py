@@ -1,7 +1,7 @@
 """Keys and certificates of a closed bus: one authority, and one certificate for each identity that may join.
 
-The authority's key signs and is needed for nothing else: keep it off the hosts that fly. A host gets `ca.crt` and the
-two files of each service that it serves.
+The authority's key is only needed for signing: keep it off the hosts that fly. A host gets `ca.crt` and the two files
+of each service that it runs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SLACK = timedelta(hours=1)  # of a clock that is behind
 
 
 class KeysError(ValueError):
-    """Files of keys that cannot be made or used; the text says which, why and how to mend it."""
+    """Files of keys that cannot be made or used; the text states which, why and how to correct it."""
 
 
 def make_keys(
@@ -76,7 +76,7 @@ def make_keys(
 def check_keys(credentials: Credentials, now: datetime | None = None) -> None:
     """Raises KeysError if the files are missing, open to others, of another authority, or not valid now.
 
-    Worth asking beforehand: on the wire all of these look like a hub that does not answer.
+    Check this first: on the wire all of these faults appear as a hub that does not answer.
     """
     now = now or datetime.now(UTC)
     authority, own = _load(credentials.authority), _load(credentials.certificate)

@@ -1,7 +1,6 @@
-"""How far this host's clocks are from the hub's: asked over the bus, the answer with the least round trip believed.
+"""Measures over the bus how far this host's clocks are from the hub's; the answer with the shortest round trip counts.
 
-The run goes by the monotonic clock, which starts at any number on each host and is never set; the date (Unix time) only
-stands in files and signatures.
+The run uses the monotonic clock, which is never set; the date (Unix time) is only for files and signatures.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from typing import NamedTuple
 import zenoh
 
 CLOCK = "perch/clock"
-STEP_NS = 50_000_000  # of the date: no slewing is as quick between two looks
+STEP_NS = 50_000_000  # of the date: slewing is slower than this between two readings
 _AGAIN_S = 0.05
 _WINDOW = 20  # readings of which the best counts; the older ones have drifted away
 _ANSWER = struct.Struct("<qq")
@@ -27,7 +26,7 @@ _ANSWER = struct.Struct("<qq")
 class Clock(NamedTuple):
     """The hub's clocks less ours, ns. `error_ns`: half the round trip, which bounds the error of both.
 
-    `shared`: hub and we read one monotonic clock, so that the offset is 0 whatever was measured.
+    `shared`: hub and this process read one monotonic clock, so that the offset is 0 whatever was measured.
     """
 
     offset_ns: int
@@ -54,7 +53,7 @@ def _namespace() -> bytes:
 
 
 def answer_clock(session: zenoh.Session) -> None:
-    """The hub's side."""
+    """Answer clock requests with the hub's clocks."""
     own = clock_id()
 
     def answer(query: zenoh.Query) -> None:
@@ -64,7 +63,7 @@ def answer_clock(session: zenoh.Session) -> None:
 
 
 def compare(began_ns: int, ended_ns: int, theirs_ns: int, theirs_date_ns: int, date_ns: int, shared: bool) -> Clock:
-    """One question and answer, as NTP has it: the answer was given half-way between asking and hearing.
+    """One request and answer, as in NTP: the answer is dated half-way between sending the request and receiving it.
 
     `date_ns`: our date less our monotonic clock.
     """
@@ -74,7 +73,7 @@ def compare(began_ns: int, ended_ns: int, theirs_ns: int, theirs_date_ns: int, d
 
 
 class ClockWatch:
-    """Readings of the hub's clocks. `measure` waits for them; `ask` does not, its answer counts when it comes."""
+    """Readings of the hub's clocks. `measure` waits for them; `ask` does not: its answer counts on arrival."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session, self._own = session, clock_id()
@@ -82,9 +81,9 @@ class ClockWatch:
         self._first: Clock | None = None
 
     def measure(self, tries: int = 15, limit_s: float = 5.0) -> Clock:
-        """Ask for `tries` answers, one after the other. Raises TimeoutError if none comes within `limit_s`.
+        """Request `tries` answers, one after the other. Raises TimeoutError if none comes within `limit_s`.
 
-        A hub lets leaves in a moment before it answers, and a question without a receiver comes back at once.
+        A hub accepts leaves shortly before it answers, and a request without a receiver returns at once.
         """
         until = time.monotonic() + limit_s
         while tries and time.monotonic() < until:
@@ -102,7 +101,7 @@ class ClockWatch:
         return best
 
     def ask(self) -> None:
-        """One more question."""
+        """Send one more request."""
         began = time.monotonic_ns()
 
         def take(reply: zenoh.Reply) -> None:
@@ -133,7 +132,7 @@ class ClockWatch:
 
 
 class DateWatch:
-    """Notices when this host's date is set."""
+    """Detects that this host's date was set."""
 
     def __init__(
         self, unix: Callable[[], int] = time.time_ns, monotonic: Callable[[], int] = time.monotonic_ns

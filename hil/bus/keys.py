@@ -1,8 +1,8 @@
-"""What each identity may do on a closed bus, derived from the contract table: an access-control list for the hub.
+"""Access rights of each identity on a closed bus, derived from the contract table, as the hub's access-control list.
 
-Each service proves its identity by the common name of its certificate. It may publish what its nodes publish and
-receive what the contract lets them read, and nothing else: the policy's identity cannot read the car's truth, and only
-the gate's process can publish what was sent to the vehicle.
+An identity is the common name of a certificate. It may publish what its service's nodes publish and receive what the
+contract lets them read: the policy's identity cannot read the car's truth, and only the gate's process can publish what
+was sent to the vehicle.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
             ("in", "put", "ingress", publish),
             ("out", "put", "egress", receive),
             ("sub", "declare_subscriber", "ingress", receive),
-            ("wanted", "declare_subscriber", "egress", publish),  # a publisher that knows of no reader does not publish
+            ("wanted", "declare_subscriber", "egress", publish),  # a publisher without a known reader does not publish
         ):
             rules.append(
                 {

@@ -1,8 +1,7 @@
-"""The bus between processes, as a leaf of the hub has it. Which node may read a topic is
-looked up in `hil/contract/topics.py` at every subscription, and enforced by the hub's access list over TLS.
+"""A leaf of the bus between processes: publishes and receives the contract's messages as protobuf bytes.
 
-A message travels as the protobuf bytes of `hil/contract/codec.py`, with the publisher's time and running
-number beside it.
+Publication time and running number are sent beside each message. Every subscription is checked against
+`hil/contract/topics.py`, and enforced by the hub's access list over TLS.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ class Publisher:
         self._codec, self._sequence = codec(TOPICS[topic].message), 0
         picture = topic == PICTURES
         # not express: while a link is busy messages share a batch, so that its queue holds thousands instead of 16
-        # DROP: a reader that has stopped loses messages; it may not hold up the hub and with it all services
+        # DROP: a reader that has stopped loses messages; it must not block the hub and with it all services
         self._publisher = session.declare_publisher(
             TOPIC + topic,
             congestion_control=zenoh.CongestionControl.DROP,
@@ -68,7 +67,7 @@ class Bus:
             self._publishers.setdefault(topic, Publisher(self._session, topic))
 
     def subscribe(self, reader: str, topics: Iterable[str], mailbox: Mailbox) -> None:
-        """Letters of `topics` into `mailbox`, each once however many readers share it.
+        """Put deliveries of `topics` into `mailbox`, each once, however many readers share it.
 
         Raises BusError if the contract does not let `reader` read one.
         """
@@ -106,8 +105,8 @@ class Bus:
     def send_table(self, key: str, table: dict[str, Any]) -> None:
         """Send a table of the harness's own (CONTROL, HEALTH + service): not part of the contract, not recorded.
 
-        Never waits, as `publish` never does: a hub that waits for a stopped reader holds up all services, and a driver
-        that waits for the hub holds up its vehicle. What has to arrive is sent again.
+        Never waits, as `publish` never does: a hub that waits for a stopped reader blocks all services, and a driver
+        that waits for the hub delays its vehicle. What has to arrive is sent again.
         """
         self._session.put(
             key, json.dumps(table), priority=zenoh.Priority.REAL_TIME,
@@ -117,7 +116,7 @@ class Bus:
     def on_table(self, key: str, take: Callable[[dict[str, Any]], None]) -> None:
         """Call `take` (which must only store) with every table sent on `key`; what is no table is ignored.
 
-        The "service" of a health is the one of its key, which a closed bus checks, whatever the table says.
+        The "service" of a health is the one of its key, which a closed bus checks, not the one in the table.
         """
 
         def parse(sample: zenoh.Sample) -> None:

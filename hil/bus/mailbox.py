@@ -1,4 +1,4 @@
-"""Deliveries for one service: what the bus's threads receive is kept here until the service takes it."""
+"""Deliveries for one service: the bus's threads store them here until the service takes them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _DEPTH = 256  # messages kept of a topic while its reader is busy; pictures: the
 
 
 class Delivery(NamedTuple):
-    """A message as it came off the bus: with its topic and number. `published_ns`: the run's time by the publisher's
+    """A message received from the bus, with its topic and number. `published_ns`: the run's time by the publisher's
     clock."""
 
     topic: str
@@ -94,7 +94,7 @@ class Mailbox:
         return [fd for fd in ready if fd != self._fd]
 
     def drain(self) -> list[Delivery]:
-        """What has come, in the order of arrival. What is no message of its topic is counted in `garbage`."""
+        """Deliveries in the order of arrival. Anything that is not a message of its topic is counted in `garbage`."""
         found: list[tuple[int, str, bytes, bytes]] = []
         for topic, queue in list(self._queues.items()):
             while queue:

@@ -1,5 +1,6 @@
-"""Sessions of the bus: a Zenoh hub on an explicit endpoint, and client leaves. Nothing scouts, nothing is found by
-chance. Here is how they are set up; what is sent over them is in `hil/bus/leaf.py`.
+"""Sessions of the bus: a Zenoh hub on an explicit endpoint, and client leaves; automatic discovery is off.
+
+The messages sent over them are in `hil/bus/leaf.py`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from hil.bus.clock import answer_clock
 
 
 class BusError(RuntimeError):
-    """The bus cannot be used; the text says why and how to mend it."""
+    """The bus cannot be used; the text states why and how to correct it."""
 
 
 class Credentials(NamedTuple):

@@ -1,4 +1,4 @@
-"""Which services and topics are up on a bus, at what rate and age, against the contract table."""
+"""Rate and age of every topic and service on a bus, compared with the contract table."""
 
 from __future__ import annotations
 

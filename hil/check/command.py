@@ -1,4 +1,4 @@
-"""What `perch-hil check` does, from the names on the command line to the exit code."""
+"""The command `perch-hil check`, from the names on the command line to the exit code."""
 
 from __future__ import annotations
 

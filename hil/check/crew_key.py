@@ -17,7 +17,7 @@ _CONTEXT = b"perch-hil checklist record\n"  # a signature of this key for anothe
 
 
 class CrewKeyError(ValueError):
-    """A key file that cannot be used; the message says which file and why."""
+    """A key file that cannot be used; the message states which file and why."""
 
 
 def load_crew_key(path: Path) -> Ed25519PrivateKey:

@@ -27,7 +27,7 @@ _SAME = ("rig", "rig_sha256", "simulated", "policy", "scenario_class")
 
 
 class NotClearedError(RuntimeError):
-    """Arming is refused; the message says why and what to do."""
+    """Arming is refused; the message states why and what to do."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""From a reading and its limits to an outcome. Pure."""
+"""Computes the outcome of a reading from its limits. Pure: no clock, no I/O."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keys and lines from a terminal. What was typed before the question is discarded, so that it confirms nothing."""
+"""Reads keys and lines from a terminal. Input typed before a question is discarded, so that it confirms nothing."""
 
 from __future__ import annotations
 

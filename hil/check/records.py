@@ -25,7 +25,7 @@ VERDICTS = {GO: "go", NO_GO: "no-go", INCOMPLETE: "incomplete"}
 
 
 class RecordError(ValueError):
-    """A record that cannot be read, written or used; the message says which file and why."""
+    """A record that cannot be read, written or used; the message states which file and why."""
 
 
 @dataclass
@@ -64,7 +64,7 @@ class Entry:
 
 
 class SignOff(TypedDict):
-    """Who signed, when (UTC, ISO 8601), and the digest of what was signed."""
+    """Name of the signing operator, time (UTC, ISO 8601), and the digest of the signed content."""
 
     operator: str
     utc: str
@@ -125,7 +125,7 @@ class Record:
             self.sign_off["signature"] = sign_digest(key, digest)
 
     def genuine(self) -> bool:
-        """True if signed off, and nothing in it has changed since: a digest, which anyone can compute anew."""
+        """True if signed off, and nothing in it has changed since: a digest, which needs no key."""
         sign = self.sign_off
         return sign is not None and sign.get("sha256") == _digest(self.content(), sign["operator"], sign["utc"])
 

@@ -1,4 +1,4 @@
-"""How an automatic check is registered: by name, with its arguments and its unit."""
+"""Registers automatic checks by name, with their arguments and unit."""
 
 from __future__ import annotations
 

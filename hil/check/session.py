@@ -1,4 +1,4 @@
-"""Running a checklist: groups, automatic items, questions; the record is on disk before and after each item."""
+"""Runs a checklist: groups, automatic items and questions. The record is on disk before and after each item."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`perch-hil bus keys|hub|node|status`: the bus of a live run, when it spans hosts or is to be closed."""
+"""`perch-hil bus keys|hub|node|status`: the bus of a live run that spans hosts or is closed."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""`perch-hil campaign`: is the new policy better than the last one?
+"""`perch-hil campaign`: flies policies over scenarios and seeds, and compares them.
 
-Scenarios x policies x seeds, counted with exact intervals and compared seed by seed.
+Successes are counted with exact intervals and compared seed by seed.
 """
 
 from __future__ import annotations
@@ -110,9 +110,9 @@ def _fly(grid: Any, todo: list[Any], total: int, processes: int, code: Any) -> i
             job = result.job
             what = result.failure or result.verdict
             why = f" ({'; '.join(result.reasons)})" if result.reasons and not result.failure else ""
-            said = "could not run: " if result.failure else ""
+            prefix = "could not run: " if result.failure else ""
             bar.console.print(
-                f"{job.scenario} {Path(job.policy).name} seed {job.seed}: {said}{what}{why}", highlight=False
+                f"{job.scenario} {Path(job.policy).name} seed {job.seed}: {prefix}{what}{why}", highlight=False
             )
             failures += bool(result.failure)
     return failures
@@ -139,8 +139,8 @@ def _conclude(out: Path, baseline: str, as_json: bool) -> None:
         print_json({**found, "page": str(page)})
         return
     screen().print(_table(groups))
-    for policy, against, scenario, says in compared:
-        say(f"{policy} against {against}, {scenario}: {says}")
+    for policy, against, scenario, finding in compared:
+        say(f"{policy} against {against}, {scenario}: {finding}")
     say(f"page: {page}")
 
 

@@ -1,4 +1,4 @@
-"""What a run looks like on a terminal, and as one JSON object: our row beside the published one."""
+"""Results of runs on a terminal and as one JSON object, beside the published row."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One evaluation of one policy, as the command line asks for it: tables and map, with progress on stderr."""
+"""One evaluation of one policy from the command line: tables and map, with progress on stderr."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CASE_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion or another vehicle
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line asked for. `time_limit` s; `picture`: where the map goes, or None."""
+    """Options from the command line. `time_limit` s; `picture`: where the map goes, or None."""
 
     policy: str
     episodes: int = 2000
@@ -40,7 +40,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What came out."""
+    """Result of an evaluation."""
 
     request: Request
     name: str
@@ -51,7 +51,7 @@ class Evaluation:
     map: HeatMap | None
 
     def conditions(self) -> str:
-        """Under what it was flown, in words."""
+        """The conditions of the evaluation, in words."""
         asked = self.request
         start = "hovering start" if asked.hover else "the paper's start"
         seen = (
@@ -104,7 +104,7 @@ def _bar(what: str):
 
 
 def evaluate_policy(request: Request) -> Evaluation:
-    """Do what `request` asks. Raises ContractError or ValueError for what cannot be flown, OSError for the picture."""
+    """Evaluate as requested. Raises ContractError or ValueError for what cannot be flown, OSError for the picture."""
     contender = open_contender(request.policy)
     changes = {"warm": float(request.hover), "limit": round(request.time_limit / TICK)}
     config = contender.config(request.stage, evaluation_seed(request.seed), **changes)

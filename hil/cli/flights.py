@@ -55,7 +55,7 @@ class Flown:
 
 @dataclass(frozen=True)
 class Listener:
-    """What is told while it flies: `progress(seed, now_ns, stage)`, and remarks as lines of text."""
+    """Receives the state of the flights: `progress(seed, now_ns, stage)`, and remarks as lines of text."""
 
     progress: Callable[[int, int, str], None]
     remark: Callable[[str], None]
@@ -82,7 +82,7 @@ def plan_of(request: Request, seeds: Sequence[int]) -> Plan:
     return plan
 
 
-def fly_seeds(request: Request, plan: Plan, seeds: Sequence[int], told: Listener) -> Iterator[Flown]:
+def fly_seeds(request: Request, plan: Plan, seeds: Sequence[int], listener: Listener) -> Iterator[Flown]:
     """Fly one seed after the other, until one is interrupted.
 
     Raises NotClearedError without a go, ProvenanceError, RunError or RecordingError where the run's folder cannot be
@@ -93,9 +93,10 @@ def fly_seeds(request: Request, plan: Plan, seeds: Sequence[int], told: Listener
         request.rig, plan.rig, plan.policy_name, plan.scenario,
         folder=request.records, now=datetime.now(UTC), override=request.override,
     )  # fmt: skip
-    with _viewer(request, told) as viewer:
+    with _viewer(request, listener) as viewer:
         for seed in seeds:
-            flown = (_fly_live if request.live else _fly_lockstep)(request, plan, seed, code, clearance, told, viewer)
+            fly_one = _fly_live if request.live else _fly_lockstep
+            flown = fly_one(request, plan, seed, code, clearance, listener, viewer)
             note_parameters(flown.flight.run)
             yield flown
             if flown.flight.interrupted:
@@ -108,7 +109,7 @@ def _fly_lockstep(
     seed: int,
     code: provenance.Code,
     clearance: Clearance,
-    told: Listener,
+    listener: Listener,
     viewer: RunViewer | None,
 ) -> Flown:
     with _feed(plan, seed, viewer) as feed:
@@ -116,7 +117,7 @@ def _fly_lockstep(
             plan.scenario, plan.rig, plan.make_policy(), seed,
             policy_name=plan.policy_name, rig_name=Path(request.rig).stem, pictures=request.pictures,
             out=request.out, code=code, clearance=clearance.manifest(),
-            progress=lambda now_ns, stage: told.progress(seed, now_ns, stage), viewer=feed,
+            progress=lambda now_ns, stage: listener.progress(seed, now_ns, stage), viewer=feed,
         )  # fmt: skip
     return Flown(flight, None, feed.dropped if feed is not None else 0)
 
@@ -127,7 +128,7 @@ def _fly_live(
     seed: int,
     code: provenance.Code,
     clearance: Clearance,
-    told: Listener,
+    listener: Listener,
     viewer: RunViewer | None,
 ) -> Flown:
     from hil.live.run import fly_live
@@ -135,22 +136,22 @@ def _fly_live(
     names = {field: getattr(request, field) for field in ("scenario", "rig", "policy", "camera")}
     endpoint = request.endpoint
     if viewer is not None and endpoint is None:
-        endpoint = f"tcp/127.0.0.1:{free_port()}"  # the feed must know it before the hub is there
+        endpoint = f"tcp/127.0.0.1:{free_port()}"  # the feed needs it before the hub is started
     with _feed(plan, seed, viewer, endpoint or ""):
         live = fly_live(
             plan, names, seed, pictures=request.pictures, out=request.out, code=code, clearance=clearance.manifest(),
-            progress=lambda now_ns, stage: told.progress(seed, now_ns, stage), remote=request.remote,
+            progress=lambda now_ns, stage: listener.progress(seed, now_ns, stage), remote=request.remote,
             endpoint=endpoint, keys=request.keys,
         )  # fmt: skip
     return Flown(live.flight, live.summary)
 
 
-def _viewer(request: Request, told: Listener) -> AbstractContextManager[RunViewer | None]:
+def _viewer(request: Request, listener: Listener) -> AbstractContextManager[RunViewer | None]:
     if not request.view:
         return nullcontext()
     from hil.viewer.live import RunViewer
 
-    return RunViewer(told.remark)
+    return RunViewer(listener.remark)
 
 
 def _feed(plan: Plan, seed: int, viewer: RunViewer | None, endpoint: str = "") -> AbstractContextManager[Feed | None]:

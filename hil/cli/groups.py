@@ -1,4 +1,4 @@
-"""Commands in groups, each also under its flat name of one word: one function, two names."""
+"""Groups of commands; each command is also available under a flat name of one word."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the commands share: exit codes, the one way to fail, and the options that several of them take."""
+"""Exit codes, error output and options that several commands share."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def credentials(keys: Path | None, identities: Sequence[str]) -> Credentials | N
 
 
 def parse_seeds(seed: int | None, seeds: str | None) -> range:
-    """The seeds asked for by --seed N or --seeds A..B (inclusive); ValueError says what is wrong."""
+    """The seeds asked for by --seed N or --seeds A..B (inclusive); ValueError states what is wrong."""
     if seed is not None and seeds is not None:
         raise ValueError("give --seed or --seeds, not both")
     if seeds is None:

@@ -1,4 +1,4 @@
-"""`perch-hil policy train|evaluate`: making policies, and judging every policy that can fly."""
+"""`perch-hil policy train|evaluate`: trains policies, and evaluates every policy that can fly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How policies perched in the training environment, as tables and data: our rows beside the published ones."""
+"""Success of policies in the training environment as tables and data, beside the published rows."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def _published(row: Row, stage: str) -> SimulatedRow | None:
     """The paper's row for this point, if it has one."""
     if row.name not in ("T1", "T2", "T3"):
         return None
-    said = published(f"{stage}.{row.name.lower()}")
-    assert isinstance(said, SimulatedRow)
-    return said
+    paper = published(f"{stage}.{row.name.lower()}")
+    assert isinstance(paper, SimulatedRow)
+    return paper
 
 
 def policy_data(rows: list[Row], stage: str) -> list[dict[str, Any]]:
@@ -29,9 +29,10 @@ def policy_data(rows: list[Row], stage: str) -> list[dict[str, Any]]:
     found = []
     for row, data in zip(rows, as_data(rows), strict=True):
         low, high = interval(row.hits, row.episodes)
-        said = _published(row, stage)
+        paper = _published(row, stage)
         data = {k: None if v != v else v for k, v in data.items()}
-        found.append({**data, "interval_95": [100.0 * low, 100.0 * high], "paper": said.model_dump() if said else None})
+        row_of_paper = paper.model_dump() if paper else None
+        found.append({**data, "interval_95": [100.0 * low, 100.0 * high], "paper": row_of_paper})
     return found
 
 
@@ -48,11 +49,11 @@ def policy_table(rows: list[Row], stage: str, title: str) -> Table:
         means = (row.duration, 2), (row.position_error, 3), (row.normal_error, 3), (row.tangential_speed, 2)
         shown = [f"{value:.{digits}f}" if row.hits else "-" for value, digits in (*means, (row.normal_speed, 2))]
         grid.add_row(row.name, f"{row.success:.2f}", f"{100 * low:.1f}-{100 * high:.1f}", *shown)
-        said = _published(row, stage)
-        if said is not None:
+        paper = _published(row, stage)
+        if paper is not None:
             grid.add_row(
-                "   paper", f"{said.success_percent:.2f}", "", f"{said.duration:.2f}", f"{said.position_error:.3f}",
-                f"{said.normal_error:.3f}", f"{said.tangential_speed:.2f}", style="dim",
+                "   paper", f"{paper.success_percent:.2f}", "", f"{paper.duration:.2f}", f"{paper.position_error:.3f}",
+                f"{paper.normal_error:.3f}", f"{paper.tangential_speed:.2f}", style="dim",
             )  # fmt: skip
     return grid
 

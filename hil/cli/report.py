@@ -1,4 +1,4 @@
-"""`perch-hil runs report` and `perch-hil runs view`: what a crew looks at after a flight."""
+"""`perch-hil runs report` and `perch-hil runs view`: the report and the 3-D view of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`perch-hil rig list|check`: what fills each slot, and whether it is reachable."""
+"""`perch-hil rig list|check`: the device in each slot of a rig, and whether it is reachable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`perch-hil run`: fly a scenario, once or with many seeds, and print how it went."""
+"""`perch-hil run`: flies a scenario, once or with many seeds, and prints the results."""
 
 from __future__ import annotations
 
@@ -135,8 +135,8 @@ def _fly_with_progress(
         def progress(seed: int, now_ns: int, stage: str) -> None:
             bar.update(task, description=f"{name} seed {seed}: {stage}, {now_ns * 1e-9:.1f} s")
 
-        told = Listener(progress, lambda text: notes.print(text, soft_wrap=True, highlight=False))
-        for flown in fly_seeds(request, plan, seeds, told):
+        listener = Listener(progress, lambda text: notes.print(text, soft_wrap=True, highlight=False))
+        for flown in fly_seeds(request, plan, seeds, listener):
             found.append(flown)
             bar.stop()
             _print(plan, flown, notes, as_json, several=len(seeds) > 1)

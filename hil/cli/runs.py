@@ -1,4 +1,4 @@
-"""`perch-hil runs list|diff|replay|recover|report|view`: what a flight left."""
+"""`perch-hil runs list|diff|replay|recover|report|view`: lists, compares, replays, repairs and shows recorded runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes to stdout: tables that fit 80 columns, lines that a pipe gets whole, or one JSON value."""
+"""Output on stdout: tables that fit 80 columns, lines that are not broken in a pipe, or one JSON value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`perch-hil soak`: one long live run, and what it says of memory and lateness."""
+"""`perch-hil soak`: one long live run that checks memory and lateness."""
 
 from __future__ import annotations
 

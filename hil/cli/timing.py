@@ -1,4 +1,4 @@
-"""How a live run kept time, as lines of text."""
+"""Timing of a live run as lines of text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One training run as the command line asks for it: progress, Ctrl-C that saves, and what to do next."""
+"""One training run from the command line: progress, saving on Ctrl-C, and the command that continues it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LINE_EVERY = 30.0  # s between lines where there is no terminal
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line asked for."""
+    """Options from the command line."""
 
     stage: str
     recipe: str
@@ -70,7 +70,7 @@ class _Stop:
         self._console.print(f"{signal.Signals(number).name}: saving after this iteration; Ctrl-C ends it without")
 
     @contextmanager
-    def listening(self) -> Iterator[None]:
+    def caught(self) -> Iterator[None]:
         """Catch Ctrl-C and SIGTERM within."""
         before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
@@ -84,12 +84,12 @@ class _Display:
     """A bar a phase on a terminal; elsewhere a line now and then."""
 
     def __init__(self, console: Console, plan: Recipe) -> None:
-        text = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[told]}")
+        text = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[status]}")
         off = not console.is_terminal
         self.progress = Progress(*text, TimeElapsedColumn(), TimeRemainingColumn(), console=console, disable=off)
         kinds = [f"{k + 1}/{len(plan.phase)} {phase.kind}" for k, phase in enumerate(plan.phase)]
-        self._tasks = [self.progress.add_task(kind, total=1.0, told="", start=False) for kind in kinds]
-        self._console, self._kinds, self._told, self._success = console, kinds, 0.0, float("nan")
+        self._tasks = [self.progress.add_task(kind, total=1.0, status="", start=False) for kind in kinds]
+        self._console, self._kinds, self._printed_s, self._success = console, kinds, 0.0, float("nan")
         self._phase, self._from = -1, (0, 0.0)
 
     def __call__(self, numbers: dict) -> None:
@@ -105,11 +105,11 @@ class _Display:
         since = seconds - self._from[1]
         rate = f", {(samples - self._from[0]) / since / 1e3:.1f} k/s" if since > 0.0 else ""
         success = f"{100.0 * self._success:.1f} %" if self._success == self._success else "unknown yet"
-        told = f"{samples / 1e6:.2f} M samples, success {success}{rate}"
-        self.progress.update(self._tasks[phase], completed=numbers["share"], told=told)
-        if self.progress.disable and time.monotonic() - self._told > _LINE_EVERY:
-            self._told = time.monotonic()
-            self._console.print(f"{self._kinds[phase]} {100.0 * numbers['share']:.1f} %, {told}", highlight=False)
+        status = f"{samples / 1e6:.2f} M samples, success {success}{rate}"
+        self.progress.update(self._tasks[phase], completed=numbers["share"], status=status)
+        if self.progress.disable and time.monotonic() - self._printed_s > _LINE_EVERY:
+            self._printed_s = time.monotonic()
+            self._console.print(f"{self._kinds[phase]} {100.0 * numbers['share']:.1f} %, {status}", highlight=False)
 
 
 def train_policy(request: Request) -> int:
@@ -120,9 +120,9 @@ def train_policy(request: Request) -> int:
         raise TrainingError(f"{out} holds a run already: go on with it by --resume, or give another --out")
     console = Console(stderr=True, soft_wrap=True)
     stop, display = _Stop(console), _Display(console, recipe)
-    told = f"{recipe.title}: {request.stage} stage, {request.airframe}, seed {request.seed}, into {out}"
-    console.print(told, highlight=False)
-    with stop.listening(), display.progress:
+    status = f"{recipe.title}: {request.stage} stage, {request.airframe}, seed {request.seed}, into {out}"
+    console.print(status, highlight=False)
+    with stop.caught(), display.progress:
         where = (recipe, request.stage, request.seed, out, resume, request.device, request.parent)
         policy = run(*where, progress=display, stop=stop)
     if stop():

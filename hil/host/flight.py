@@ -1,4 +1,4 @@
-"""One flight: scenario + rig + policy + seed -> a run folder, in the lockstep host."""
+"""One flight in the lockstep host: scenario, rig, policy and seed in, a run folder out."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class _Watch:
 
     @property
     def failure(self) -> str:
-        """Why no attempt took place, in the director's words and those of the last errors; empty if one did."""
+        """Why no attempt took place: the director's texts and the last errors; empty if one did."""
         causes = [error.text for error in self.errors if error.source == "director"]
         if not causes:
             return ""
@@ -99,7 +99,7 @@ def fly(
 ) -> Flight:
     """Fly one seed. An interruption (Ctrl-C) closes the recording and is reported in the result, not raised.
 
-    `viewer` sees every message too.
+    `viewer` receives every message too.
 
     Raises RunError, ProvenanceError or RecordingError if the run cannot be kept: such a run does not take off.
     """

@@ -1,7 +1,7 @@
 """The lockstep host: virtual time, one thread, deterministic, as fast as the machine allows.
 
-Everything that happens is one entry of a queue ordered by (time, rank): a node's tick or a message's arrival. Ties go
-by the graph's order, so that two runs of one seed do the same things in the same order and leave the same bytes.
+A queue ordered by (time, rank) holds the nodes' ticks and the messages' arrivals. Equal times follow the graph's order,
+so that two runs of one seed give the same bytes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Clock:
 
 
 class Lockstep:
-    """Drives `nodes` in virtual time; `tap(now_ns, topic, message)` sees every message as it is published."""
+    """Drives `nodes` in virtual time; `tap(now_ns, topic, message)` receives every message as it is published."""
 
     def __init__(self, nodes: Sequence[Node], clock: Clock, tap: Tap) -> None:
         self._nodes, self._clock, self._tap = nodes, clock, tap
@@ -45,7 +45,7 @@ class Lockstep:
         self._serial += 1
 
     def run(self, until: Callable[[int], bool]) -> int:
-        """Run until `until(now_ns)` is true, asked once per instant; returns the virtual time reached (ns)."""
+        """Run until `until(now_ns)` is true, checked once per instant; returns the virtual time reached (ns)."""
         while self._queue:
             time_ns = self._queue[0][0]
             if time_ns != self._clock.now_ns and until(self._clock.now_ns):

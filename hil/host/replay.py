@@ -1,8 +1,7 @@
-"""Replay: chosen nodes of a recorded run are stepped again with the current code, on what each step consumed then.
+"""Replay: chosen nodes of a recorded run are stepped again with the current code, on each step's recorded inputs.
 
-A node is stepped at its receipts' times with the messages its receipts name; what it publishes is compared with what
-the recording has of its topics, message by message and number by number. Nodes that talk to a device over a wire
-cannot be replayed: what came over the wire is not recorded.
+Their output is compared with the recording, message by message and number by number. Nodes on a device's wire cannot be
+replayed: bytes on wires are not recorded.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ MEASURED = ("board/detection.processing_ns",)  # differs by nature in a live run
 
 
 class ReplayError(ValueError):
-    """The run cannot be replayed; the text says why."""
+    """The run cannot be replayed; the text states why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +228,7 @@ def _flat(value: Any) -> tuple[Any, ...]:
 
 
 def _size(a: Any, b: Any) -> float | None:
-    """Largest difference of numbers of equal count; None where that says nothing."""
+    """Largest difference of numbers of equal count; None where it is meaningless."""
     one, two = _flat(a), _flat(b)
     if len(one) != len(two) or not all(isinstance(v, int | float) for v in (*one, *two)):
         return None

@@ -1,4 +1,4 @@
-"""Whether a run's folder has room for the run: asked before anything moves."""
+"""Checks before a run that its folder has enough free space."""
 
 from __future__ import annotations
 

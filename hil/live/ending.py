@@ -17,7 +17,7 @@ _WITNESS_S = 3.0  # recorded after a driver has ended: what autopilot and car do
 
 
 def bring_down(supervisor: Supervisor, ended: Ended) -> None:
-    """Bring all services to the safe state; a second Ctrl-C ends the wait. What failed is remarked in `ended`."""
+    """Bring all services to the safe state; a second Ctrl-C ends the wait. Failures are noted in `ended`."""
     try:
         supervisor.abort(ended.trouble or "interrupted")
         culprit = ended.trouble.split(" ")[0]
@@ -39,12 +39,12 @@ def bring_down(supervisor: Supervisor, ended: Ended) -> None:
 
 
 def await_drivers(supervisor: Supervisor, limit_s: float = LAND_LIMIT_S) -> None:
-    """Until vehicle and car are safe, as their drivers report."""
+    """Wait until the drivers report that vehicle and car are safe."""
     wait(supervisor, lambda: all(supervisor.safe(driver) for driver in DRIVERS), limit_s)
 
 
 def wait(supervisor: Supervisor, done: Callable[[], bool], limit_s: float) -> None:
-    """Until `done`, staying present for the services."""
+    """Wait until `done`, and keep publishing the supervisor's order meanwhile."""
     until = time.monotonic() + limit_s
     while time.monotonic() < until and not done():
         supervisor.beat()

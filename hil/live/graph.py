@@ -1,4 +1,4 @@
-"""The graph of a live run, as its services have built it, held against the contract before anything moves."""
+"""Checks the graph of a live run, as declared by its services, against the contract before the run starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hub's process: routes, answers questions for its clock, and ends with its parent process."""
+"""The hub's process: it routes messages, answers clock requests and ends with its parent process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LINGER_S = 25.0  # the leaves detect it, reach their safe state, and are record
 
 
 def hub(spec: LiveSpec) -> int:
-    """Serve until SIGTERM, or until the parent process is gone. Raises BusError if the endpoint cannot be had."""
+    """Serve until SIGTERM, or until the parent process has ended. Raises BusError if the endpoint cannot be used."""
     access = access_control(spec.services()) if spec.keys is not None else None
     serve_hub(spec.endpoint, spec.credentials("hub"), access, with_parent=True)
     return 0
@@ -32,7 +32,7 @@ def serve_hub(
         return with_parent and os.getppid() != parent
 
     def stop(*_: object) -> None:
-        if not (with_parent and presence.orphaned_soon()):  # when the parent has died, the leaves still have to land
+        if not (with_parent and presence.orphaned_soon()):  # after the parent has ended, the leaves still have to land
             done.set()
 
     for number in (signal.SIGTERM, signal.SIGINT):

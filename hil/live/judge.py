@@ -1,4 +1,4 @@
-"""Score and time-keeping of a live run, from its recording and the last health of its services."""
+"""Computes score and timing of a live run from its recording and the last health message of each service."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Ended:
 
 
 def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[str, Any]]:
-    """Score and time-keeping from what was recorded."""
+    """Score and timing from the recording."""
     try:
         recording = Recording(run.recording)
         messages = list(recording.messages([t for t in _SCORED if "/perch/" + t in recording.topics]))

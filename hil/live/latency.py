@@ -1,4 +1,4 @@
-"""How long a picture takes to become an action, read from the recording of a run."""
+"""Latency from exposure to action, computed from a run's recording."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 BIN_MS = 5.0
-_PAUSE_NS = 50_000_000  # since the last action: the next one waited for something else than a picture
+_PAUSE_NS = 50_000_000  # since the last action: the next one did not wait for a picture
 
 
 class Latency(NamedTuple):
-    """One picture's way, ns from the middle of its exposure: to its detection published, to the first action behind
-    which it stands published. `detected_ns` is 0 where no detection was recorded."""
+    """Latency of one picture, ns from mid-exposure: to the publication of its detection, and of the first action that
+    used it. `detected_ns` is 0 if no detection was recorded."""
 
     detected_ns: int
     acted_ns: int
 
 
 def latencies(messages: Iterable[tuple[int, str, Any]]) -> list[Latency]:
-    """Of every picture that moved an action. `messages`: (log_ns, topic, message) in the order of time; others than
-    policy/action and board/detection are passed over.
+    """Latencies of all pictures that an action used. `messages`: (log_ns, topic, message) in the order of time; topics
+    other than policy/action and board/detection are ignored.
 
-    The first action, and the first after a pause, does not count: it waited to be handed the vehicle.
+    The first action, and the first after a pause, is left out: it waited until the policy got control of the vehicle.
     """
     newest, found, acted_ns = 0, [], -_PAUSE_NS
     detected: dict[int, int] = {}  # exposure -> publication
@@ -57,7 +57,7 @@ def summary(samples_ns: list[int]) -> dict[str, Any]:
 
 
 def table(found: Sequence[Latency]) -> dict[str, Any]:
-    """The summary of the whole way, and of its two parts: what a network waits for its next tick is in the second."""
+    """The summary of the whole latency and of its two parts; the second includes the wait for the policy's tick."""
     parts = [one for one in found if one.detected_ns]
     return summary([one.acted_ns for one in found]) | {
         "to_detection": _short(summary([one.detected_ns for one in parts])),

@@ -1,4 +1,4 @@
-"""Whether the supervisor is still there, and what this process takes of its machine."""
+"""Liveness of the supervisor as a service detects it, and the resource usage of this process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PAGE_KB = resource.getpagesize() // 1024
 
 
 class Presence:
-    """Liveness of the supervisor: the process that started this one lives, and its orders arrive over the bus.
+    """Liveness of the supervisor: the parent process exists, and the supervisor's orders arrive over the bus.
 
     No orders also means no hub: a service that drives a device must not fly on without the bus.
     """
@@ -38,11 +38,11 @@ class Presence:
         self._received_ns = self._clock()
 
     def orphaned(self) -> bool:
-        """Whether the process that started this one is gone."""
+        """Whether the parent process has ended."""
         return not self._remote and self._parent() != self._first_parent
 
     def orphaned_soon(self) -> bool:
-        """The same, for a signal that may announce the parent's death a moment before the parent's number changes."""
+        """The same, for a signal handler: the signal may arrive shortly before the parent's process id changes."""
         for _ in range(20):
             if self.orphaned():
                 return True
@@ -50,7 +50,7 @@ class Presence:
         return False
 
     def gone(self) -> str:
-        """Why the supervisor is taken for gone; empty while it is there, or before its first order."""
+        """Why the supervisor counts as lost; empty while it is present, or before its first order."""
         if self.orphaned():
             return "the supervisor is gone"
         age_ns = self._clock() - self._received_ns
@@ -60,8 +60,8 @@ class Presence:
 
 
 def footprint() -> dict[str, Any]:
-    """What this process takes: memory of its own and with what it shares (kB), processor time so far (s), and its
-    files in shared memory, whose pages count as resident in every process that has read them."""
+    """Resource usage of this process: own and resident memory (kB), processor time so far (s), and its files in shared
+    memory, whose pages count as resident in every process that has read them."""
     found: dict[str, Any] = {"cpu_s": round(time.process_time(), 3), "memory": sorted(mapped_memory())}
     with suppress(OSError, ValueError, IndexError):
         resident, shared = map(int, Path("/proc/self/statm").read_text().split()[1:3])

@@ -1,4 +1,4 @@
-"""How busy the machine was during a live run, with what its host gave to others: none of it is the run's fault."""
+"""Processor load of the machine during a live run, with the share that its hypervisor gave to other machines."""
 
 from __future__ import annotations
 

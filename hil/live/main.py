@@ -32,7 +32,7 @@ _PATIENCE_S = 40.0  # more than any service takes to reach the safe state
 
 
 def last_resort(patience_s: float = _PATIENCE_S) -> None:
-    """End a process that hangs although its parent has been gone for `patience_s`: no other process would."""
+    """End this process if it hangs for `patience_s` after its parent has ended: no other process would end it."""
     parent = os.getppid()
 
     def watch() -> None:
@@ -47,7 +47,7 @@ def last_resort(patience_s: float = _PATIENCE_S) -> None:
 def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool = False, wait_s: float = 10.0) -> int:
     """Drive nodes `names` as `service` until stopped; returns the exit code. `remote`: started by hand, for a run of
     another host, whose hub may take `wait_s` to come up."""
-    sys.setswitchinterval(2e-4)  # a thread of the bus may not wait 5 ms for the interpreter
+    sys.setswitchinterval(2e-4)  # a thread of the bus must not wait 5 ms for the interpreter
     plan = spec.plan()
     drawn = spec.draw(plan)
     warm_up(plan, drawn, names)
@@ -69,7 +69,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         )  # fmt: skip
 
         def stop(_: int, __: FrameType | None) -> None:
-            if presence.gone() or presence.orphaned_soon():  # what flies is brought to its safe state first
+            if presence.gone() or presence.orphaned_soon():  # the vehicle is brought to its safe state first
                 live.orphaned()
             else:
                 live.stop()

@@ -1,4 +1,4 @@
-"""What may be asked of the live host together; checked before a process is started."""
+"""Checks the options of a live run for consistency before a process is started."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def check_endpoint(endpoint: str, keys: Path | None) -> None:
 
 
 def check_identities(keys: Path | None, identities: Iterable[str]) -> None:
-    """Raises KeysError for the first identity whose files are not usable; nothing to ask of an open bus."""
+    """Raises KeysError for the first identity whose files are not usable; an open bus needs none."""
     if keys is not None:
         for identity in identities:
             check_keys(credentials_in(keys, identity))
@@ -48,7 +48,7 @@ def check_service(rig: Rig, service: str) -> None:
 def check_options(
     rig: Rig, remote: tuple[str, ...], endpoint: str | None, keys: Path | None, *, viewed: bool = False
 ) -> None:
-    """What `run --live` was given. Raises ConfigError or KeysError."""
+    """Checks the options of `run --live`. Raises ConfigError or KeysError."""
     for service in remote:
         if service != "hub":
             check_service(rig, service)

@@ -1,4 +1,4 @@
-"""Orphaned shared memory, which killed processes leave behind, and its removal."""
+"""Finds and removes shared memory that killed processes have left behind."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MAPPED = re.compile(r" /dev/shm/(\S+\.zenoh)$", re.MULTILINE)
 
 
 def mapped_memory(process: int | str = "self") -> set[str]:
-    """Names of the bus's shared-memory files that `process` (its id) holds; none if it is gone."""
+    """Names of the bus's shared-memory files that `process` (its id) holds; none if it has ended."""
     try:
         return set(_MAPPED.findall(Path(f"/proc/{process}/maps").read_text()))
     except OSError:
@@ -22,7 +22,7 @@ def mapped_memory(process: int | str = "self") -> set[str]:
 def remove_orphaned_memory(names: Iterable[str]) -> list[str]:
     """Those of `names` that are still there although no process holds them: removed, and returned.
 
-    What is no name of the bus's shared memory, such as a path, is left alone: `names` may come from the bus.
+    Anything that is not a name of the bus's shared memory, such as a path, is ignored: `names` may come from the bus.
     """
     left = {name for name in names if _NAME.fullmatch(name) and (_FOLDER / name).exists()}
     if not left:

@@ -1,12 +1,11 @@
-"""Which process of a live run is scheduled first when there are fewer cores than work.
+"""Scheduling priority of each process of a live run, for machines with fewer cores than work."""
 
-Where it is permitted, services run in real time (SCHED_FIFO): a service that wakes up then gets a core at once, however
-recently the running one got it. Where it is not, services ask for weight. The kernel weighs sessions before it weighs
-processes (sched_autogroup): a service has a session of its own, so that its nice value alone has no effect. A running
-process keeps its core until its time slice of some milliseconds is over, unless the process that wakes up has a shorter
-slice (EEVDF, from Linux 6.12). What is not permitted, or not known to this kernel, is left out, and the machine then
-has to be idle enough.
-"""
+# Where it is permitted, services run in real time (SCHED_FIFO): a service that wakes up then gets a core at once. Where
+# it is not, they set a nice value. The kernel weighs sessions before processes (sched_autogroup), and each service has
+# a session of its own, so that the session's nice value has to be set too. A running process keeps its core until its
+# time slice of some milliseconds is over, unless the process that wakes up has a shorter slice (EEVDF, from Linux
+# 6.12). A setting that is not permitted, or not supported by this kernel, is left out; the machine must then be idle
+# enough.
 
 from __future__ import annotations
 
@@ -33,12 +32,12 @@ class Priority(NamedTuple):
     during_step: int = 0
 
 
-# A step of control takes a fraction of a millisecond and another process waits for it. Rendering a picture and
-# searching it take several milliseconds each: these two keep the kernel's own slice. A rendered picture is not due
-# before it would have been read out; once it is due, publishing it goes before all that is not control.
-# What is not on the path from the picture to the motors comes after the detector: with it before, one picture in ten
-# came 1.5 ms later. The recorder can wait, but not for long: with the lowest priority of all it waited for a core
-# during 61 % of a soak.
+# A control step takes a fraction of a millisecond and another process waits for it. Rendering a picture and
+# detecting the tags in it take several milliseconds each: these two keep the kernel's default slice. A rendered
+# picture is not due before its read-out would end; its publication then precedes everything except control.
+# Services that are not on the path from the picture to the motors come after the detector: before it, they delayed
+# one picture in ten by 1.5 ms. The recorder can wait, but not for long: with the lowest priority of all it waited
+# for a core during 61 % of a soak.
 PRIORITIES: dict[PriorityClass, Priority] = {
     "control": Priority(-15, 300_000, 30),
     "detection": Priority(-13, real_time=20),
@@ -53,7 +52,7 @@ _ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # size, policy, flags, nice, priority,
 
 
 def take_priority(priority: PriorityClass) -> None:
-    """Ask for what a service of this class needs, for this thread and those it starts from now on."""
+    """Request the priority of this class from the kernel, for this thread and those it starts from now on."""
     wanted = PRIORITIES[priority]
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, wanted.nice)
@@ -105,7 +104,7 @@ def _weigh_session(nice: int) -> None:
 
 
 def _take_slice(slice_ns: int) -> bool:
-    """Whether the kernel took it; one before 6.12 takes it and ignores it."""
+    """Whether the kernel accepted it; a kernel before 6.12 accepts and ignores it."""
     number = _SCHED_SETATTR.get(os.uname().machine)
     if number is None:
         return False

@@ -1,4 +1,7 @@
-"""One service's process: started, watched and ended, with the cause of its end. It does not outlive its parent."""
+"""One service's process: starts it, monitors it, ends it and states the cause of its end.
+
+The process does not outlive its parent.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +29,9 @@ _ENVIRONMENT = {
 
 
 def die_with_parent(parent: int) -> bool:
-    """Receive SIGTERM when process `parent`, which started this one, ends for any reason.
+    """Receive SIGTERM when the parent process, with id `parent`, ends for any reason.
 
-    False: it is already.
+    False: it has ended already.
     """
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     return os.getppid() == parent
@@ -51,7 +54,7 @@ class Process:
         return self._popen.poll()
 
     def stopped(self) -> bool:
-        """Whether it was stopped (SIGSTOP): it lives and does nothing."""
+        """Whether it is stopped (SIGSTOP): it exists but does not run."""
         return self._stat()[0] in ("T", "t")
 
     def leaving(self) -> int | None:

@@ -1,4 +1,4 @@
-"""What of a rig is reachable now. Receives only: nothing is sent to a vehicle or a car."""
+"""Checks which devices of a rig are reachable now. It only receives: nothing is sent to a vehicle or a car."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vehicle.px4.codec import Parser
 
 LISTEN_S = 3.0
 _CAR_V1, _CAR_V2 = 0x151, 0x221
-_CAMERA_HZ = (60.0, 30.0)  # what the published scenarios ask for; one of them will do here
+_CAMERA_HZ = (60.0, 30.0)  # rates of the published scenarios; one of them is enough here
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ def _car(rig: Rig, listen_s: float) -> Reached:
         return Reached("groundcar", slot.kind, False, f"the car on {where} uses protocol V1 (0x151); V2 is needed")
     if _CAR_V2 in ids:
         return Reached("groundcar", slot.kind, True, f"a Scout with protocol V2 on {where}")
-    heard = f"{len(ids)} other identifiers" if ids else "nothing"
-    return Reached("groundcar", slot.kind, False, f"no car on {where}: {heard} in {listen_s:g} s")
+    received = f"{len(ids)} other identifiers" if ids else "nothing"
+    return Reached("groundcar", slot.kind, False, f"no car on {where}: {received} in {listen_s:g} s")
 
 
 def _camera(rig: Rig) -> Reached:

@@ -1,7 +1,6 @@
-"""The recorder's process: every message of the contract from the bus into run.mcap, in the order of publication.
+"""The recorder's process: writes every message of the contract from the bus into run.mcap, sorted by publication time.
 
-Messages of different processes arrive a little out of order: they wait a moment, are sorted by the publisher's time,
-and written. What comes later than that moment is written with the time it could still have, and counted.
+A message waits `SETTLE_NS` for older ones; one that arrives later gets the time of the last written message.
 """
 
 from __future__ import annotations
@@ -28,12 +27,13 @@ from vehicle.quadrotor.airframe import load_airframe
 
 SETTLE_NS = 250_000_000  # how long a message waits for older ones
 _TURN_S, _HEALTH_S = 0.02, 0.5
-_PREVIEW_NS = 58_000_000  # pictures that come sooner after each other are no part of a 15 Hz preview
-_WITNESS_S = 22.0  # recorded after the supervisor is gone: all services have reached the safe state by then
+_PREVIEW_NS = 58_000_000  # pictures at shorter intervals do not belong to a 15 Hz preview
+_WITNESS_S = 22.0  # recorded after the supervisor is lost: all services have reached the safe state by then
 
 
 class Sorter:
-    """Letters in, (time, delivery) out, times never decreasing. `late` counts those too late for their place."""
+    """Deliveries in, (time, delivery) out, times never decreasing. `late` counts those that arrived too late to be
+    sorted."""
 
     def __init__(self, settle_ns: int = SETTLE_NS) -> None:
         self._settle_ns, self._heap = settle_ns, []
@@ -56,17 +56,17 @@ class Sorter:
 
 
 class Ending:
-    """When to end: once asked to, or long enough after the supervisor is gone that the safe state is recorded."""
+    """When to end: on request, or after the supervisor is lost, late enough that the safe state is recorded."""
 
     def __init__(self) -> None:
         self.due, self._alone_s = False, 0.0
 
     def ask(self) -> None:
-        """End (safe in a signal handler). Nothing takes it back."""
+        """End (safe in a signal handler). It cannot be withdrawn."""
         self.due = True
 
     def look(self, alone: bool, now_s: float) -> None:
-        """Note whether the supervisor, which orders the end, is gone (`alone`) at `now_s`."""
+        """Note whether the supervisor, which orders the end, is lost (`alone`) at `now_s`."""
         if alone:
             self._alone_s = self._alone_s or now_s
             self.due = self.due or now_s - self._alone_s > _WITNESS_S
@@ -86,7 +86,7 @@ def record(spec: LiveSpec) -> int:
     sorter, seen = Sorter(), _Seen()
 
     def stop(_: int, __: FrameType | None) -> None:
-        if not presence.orphaned_soon():  # when the parent has died, the services still have to land
+        if not presence.orphaned_soon():  # after the parent has ended, the services still have to land
             ending.ask()
 
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -114,7 +114,7 @@ def record(spec: LiveSpec) -> int:
         bus.on_table(CONTROL, take)
         run_time = RunTime(bus.clock())
         gc.collect()
-        gc.freeze()  # a look at everything that was imported takes a tenth of a second
+        gc.freeze()  # one collection over all imported objects takes 0.1 s
         while not ending.due:
             time.sleep(_TURN_S)
             for order in _orders(state["orders"]):
@@ -128,7 +128,7 @@ def record(spec: LiveSpec) -> int:
             if run_time.begun:
                 for now, delivery in sorter.take(run_time.now()):
                     recorder(now, delivery.topic, delivery.message)
-                    publish_health(bus, "running", _HEALTH_S)  # writing a burst must not look like a dead recorder
+                    publish_health(bus, "running", _HEALTH_S)  # else a burst looks like a recorder that has ended
             if publish_health(bus, "running" if run_time.begun else "ready", _HEALTH_S):
                 ending.look(bool(presence.gone()), state["published_s"])
         for delivery in mailbox.drain():
@@ -136,7 +136,7 @@ def record(spec: LiveSpec) -> int:
             sorter.add(delivery)
         for now, delivery in sorter.take(None):
             recorder(now, delivery.topic, delivery.message)
-        recorder.close()  # before the bus, which takes its time where the hub is gone
+        recorder.close()  # before the bus, whose closing takes long if the hub has ended
         write_json(spec.folder / "numbers.json", seen.table())
         publish_health(bus, "stopped")
     return 0

@@ -1,4 +1,4 @@
-"""One live run: hub, recorder, services, supervisor, and the same run folder as in lockstep at the end."""
+"""One live run: starts hub, recorder, services and supervisor, and leaves the same run folder as lockstep."""
 
 from __future__ import annotations
 
@@ -58,10 +58,12 @@ def fly_live(
 ) -> LiveFlight:
     """Fly one seed in real time. `names`: scenario, rig, policy and camera as the user gave them, for the processes.
 
-    Services in `remote` (or the hub) are not started here but awaited; `keys`, a folder of `perch-hil keys`, closes the
-    bus to all others; `watch` is called many times a second during the run. An interruption (Ctrl-C) brings
-    everything to its safe state, closes the recording and is reported in the result. Raises RunError, ProvenanceError
-    or SupervisorError if the run cannot take place or cannot be kept: such a run does not take off.
+    Services in `remote` (or the hub) are started elsewhere, and the run waits for them; `keys`, a folder of
+    `perch-hil keys`, closes the bus to all other processes; `watch` is called many times a second during the run. An
+    interruption (Ctrl-C) brings every device to its safe state, closes the recording and is reported in the result.
+
+    Raises RunError, ProvenanceError or SupervisorError if the run cannot take place or cannot be kept: such a run does
+    not take off.
     """
     check_space(out, pictures)
     run = new_run(
@@ -110,7 +112,7 @@ def fly_live(
         ):
             try:
                 write()
-            except OSError as error:  # a full disk: what is told of the run stands all the same
+            except OSError as error:  # a full disk: the result is returned all the same
                 ended.trouble = ended.trouble or f"{run.path} cannot be written: {error.strerror}"
     counters: dict[str, int] = {}
     for one in ended.health.values():
@@ -129,7 +131,7 @@ def _fly(
     remote: tuple[str, ...],
     watch: Callable[[Supervisor], object],
 ) -> None:
-    """Start, watch, and bring down; what happened is noted in `ended`."""
+    """Start, monitor and end the run; the outcome is noted in `ended`."""
     wanted = list(spec.services(plan.rig))
     events: RunEvents | None = None
     try:
@@ -150,13 +152,13 @@ def _fly(
             hub_clock, date = _hub_clock(bus), DateWatch()
             started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns)
 
-            def tell(severity: str, text: str) -> None:
+            def publish_event(severity: str, text: str) -> None:
                 now_ns = time.monotonic_ns() - started_ns
                 bus.publish(now_ns, "event", Event(now_ns, severity, "supervisor", text))
 
             for service in remote:
                 for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
-                    tell("info", line)
+                    publish_event("info", line)
             limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
             while events.stage != "ended":
                 time.sleep(TURN_S)
@@ -166,7 +168,7 @@ def _fly(
                 stepped = date.text()
                 if stepped:
                     ended.remarks.append(stepped)
-                    tell("warning", stepped)
+                    publish_event("warning", stepped)
                 ended.trouble = supervisor.trouble()
                 if not ended.trouble and time.monotonic() > limit:
                     ended.trouble = f"the run did not end in time (stage {events.stage})"

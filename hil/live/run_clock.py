@@ -1,7 +1,6 @@
-"""The run's time in one process: the hub's monotonic clock, less its value at the run's start.
+"""The run's time in one process: the hub's monotonic clock minus its value at the run's start.
 
-Within one host that is the process's own clock. On another host the difference was measured, and is followed while the
-clocks drift apart, by so little at a time that no step notices.
+On another host the offset to the hub's clock is measured and followed in steps that are too small to disturb a node.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from typing import Any
 
 from hil.bus.clock import Clock, ClockWatch, DateWatch
 
-ERROR_LIMIT_NS = 5_000_000  # of the offset: half a control period is as much as flight forgives
+ERROR_LIMIT_NS = 5_000_000  # of the offset: half a control period is the largest error that flight tolerates
 DATE_LIMIT_NS = 1_000_000_000
 DRIFT_LIMIT_NS = 5_000_000
 _FOLLOW_NS = 100_000  # at most, twice a second

@@ -1,4 +1,4 @@
-"""What the supervisor follows of a live run itself: its stage, and the errors among its events."""
+"""The run's stage and its error events, as the supervisor follows them."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class RunEvents:
                     self.errors.append(f"{event.source}: {event.text}")
 
     def failure(self, troubled: bool) -> str:
-        """Which errors made the run fail, in their own words; empty if it was no failure of the run.
+        """Texts of the errors that made the run fail; empty if the run did not fail.
 
-        `troubled`: the supervisor has brought the run down, and has its own reason.
+        `troubled`: the supervisor has ended the run, for a reason of its own.
         """
         if not troubled:
-            said = [error for error in self.errors if error.startswith("director: ")]
-            if said or self.stage == "ended":
-                return "; ".join(said)
+            causes = [error for error in self.errors if error.startswith("director: ")]
+            if causes or self.stage == "ended":
+                return "; ".join(causes)
         return "; ".join(self.errors[-3:])
 
     def close(self) -> None:

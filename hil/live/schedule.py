@@ -1,7 +1,7 @@
-"""The schedule of one process: what has arrived for each of its nodes, when it is due, and where its output goes.
+"""The schedule of one process: which messages have arrived for each node, when it is due, and where its output goes.
 
 A node that is only driven by time is stepped with its deadline as the time, however late the step begins, so that a
-simulated device keeps its period; a deadline that a later one has overtaken is skipped and counted as missed. A node
+simulated device keeps its period; a deadline that the next one has overtaken is skipped and counted as missed. A node
 that is woken by messages is stepped once with everything that has arrived, at the current time.
 """
 
@@ -137,7 +137,7 @@ class Schedule:
         self.step(rank, now if one.node.wakes else due)
 
     def step(self, rank: int, now_ns: int) -> None:
-        """Step one node with what has come for it."""
+        """Step one node with the messages that have arrived for it."""
         one = self._scheduled[rank]
         consumed: list[int] = []
         for topic in one.node.inputs:

@@ -1,8 +1,7 @@
-"""The live host: one process drives a few nodes in real time, over the bus. Deadlines are absolute; late steps count.
+"""The live host: one process steps a few nodes in real time over the bus, with absolute deadlines.
 
-The nodes and their deadlines are in `hil/live/schedule.py`. Here is what the process itself does: it waits for messages
-and wires, takes orders, publishes its health, and brings what it drives to the safe state when it is ordered to, or
-when the supervisor is gone.
+It waits for messages and wires, obeys orders, publishes its health, and brings its devices to the safe state when it is
+ordered to, or when the supervisor is lost. The nodes' deadlines are in `hil/live/schedule.py`.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ class LiveService:
         self._quiet_ns = dict.fromkeys(self._wired, 0)  # until then a wire does not wake its node again
         self._mailbox = Mailbox(urgent=self._schedule.urgent)
         produced = {topic for node in nodes for topic in node.outputs}
-        for node in nodes:  # what is made in this process is handed over in it
+        for node in nodes:  # what is made in this process is passed on within it
             bus.subscribe(node.name, [t for t in node.inputs if t not in produced], self._mailbox)
         bus.announce(sorted(produced))
         self._orders: list[dict[str, Any]] = []
@@ -90,16 +89,17 @@ class LiveService:
 
     @property
     def lost(self) -> bool:
-        """Whether it ended because the supervisor was gone."""
+        """Whether it ended because the supervisor was lost."""
         return self._gone
 
     def orphaned(self) -> None:
-        """The supervisor may be gone: check it at once (safe in a signal handler)."""
+        """The supervisor may be lost: check it at once (safe in a signal handler)."""
         self._health_ns = 0
         self._mailbox.wake()
 
     def wait_for_go(self) -> bool:
-        """Publish "ready" until the supervisor starts the run. False if told to stop, or if the supervisor is gone."""
+        """Publish "ready" until the supervisor starts the run. False on an order to stop, or if the
+        supervisor is lost."""
         while not self._stop:
             self._time.tick()
             self._publish_health(0, "ready")
@@ -132,8 +132,8 @@ class LiveService:
             due = self._schedule.due_ns(self._health_ns)
             resting = [quiet_ns for quiet_ns in self._quiet_ns.values() if quiet_ns > now]
             due = min([due, *resting])
-            listening = [fd for fd, quiet_ns in self._quiet_ns.items() if quiet_ns <= now]
-            self._turn(self._mailbox.wait(due - now, listening) if due > now else [])
+            active = [fd for fd, quiet_ns in self._quiet_ns.items() if quiet_ns <= now]
+            self._turn(self._mailbox.wait(due - now, active) if due > now else [])
 
     def _turn(self, woken: Sequence[int] = ()) -> None:
         for order in self._take_orders():
@@ -217,7 +217,7 @@ class LiveService:
         self._bus.send_table(HEALTH + self.name, self.health(now_ns, state))
 
     def health(self, now_ns: int, state: str) -> dict[str, Any]:
-        """The health: what supervisor and `perch-hil status` know of this process."""
+        """The health of this process, for the supervisor and `perch-hil status`."""
         mailbox = self._mailbox
         return {
             "service": self.name, "pid": os.getpid(), "state": state, "now_ns": now_ns,

@@ -1,7 +1,7 @@
-"""One long live run: does memory stay flat in every service, and does no service fall behind more and more?
+"""Soak test: one long live run that checks that neither memory nor lateness of any service grows.
 
-The scenario's lead is stretched: the vehicle hovers, the car drives, camera, detector, belief and both drivers work at
-full rate; at the end the attempt is flown as in any run.
+The scenario's lead is stretched: the vehicle hovers and the car drives with all nodes at full rate; then the attempt is
+flown as in any run.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LATE_SHARE = 0.02  # of a node's steps, more of them late in the last third than
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One look at one service. `steps` and `late` count since its start, over its nodes, missed ones among both."""
+    """One sample of one service. `steps` and `late` count since its start, over its nodes, missed ones among both."""
 
     at_s: float
     own_kb: float
@@ -49,7 +49,7 @@ class Verdict:
 
 
 class Samples:
-    """Samples of every service from the lead on, when all that a run does is being done."""
+    """Samples of every service from the lead on, when every node of a run works."""
 
     def __init__(self) -> None:
         self.samples: dict[str, list[Sample]] = {}
@@ -76,7 +76,7 @@ class Samples:
 
 
 def judge(service: str, samples: Sequence[Sample]) -> Verdict:
-    """Hold the last third of a service's samples against the first, what came before `SETTLE_S` left out."""
+    """Compare the last third of a service's samples with the first, without those before `SETTLE_S`."""
     settled = [sample for sample in samples if sample.at_s >= samples[0].at_s + SETTLE_S]
     third = len(settled) // 3
     if third < 2:

@@ -1,4 +1,4 @@
-"""The spec of a live run: one JSON file, from which alone every process builds its nodes."""
+"""The spec of a live run: one JSON file from which every process builds its nodes."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ class LiveSpec(BaseModel):
         return None if self.keys is None else credentials_in(self.keys, service)
 
     def digest(self, plan: Plan) -> str:
-        """What two hosts must agree on, in short: scenario, rig, policy and seed."""
-        said = [plan.scenario.model_dump_json(), plan.rig.model_dump_json(), plan.policy_name, str(self.seed)]
-        return hashlib.sha256("\n".join(said).encode()).hexdigest()[:12]
+        """Digest of what two hosts must agree on: scenario, rig, policy and seed."""
+        agreed = [plan.scenario.model_dump_json(), plan.rig.model_dump_json(), plan.policy_name, str(self.seed)]
+        return hashlib.sha256("\n".join(agreed).encode()).hexdigest()[:12]
 
     @classmethod
     def read(cls, path: Path) -> LiveSpec:
@@ -70,7 +70,7 @@ class LiveSpec(BaseModel):
 
 
 def simulated_twin(rig: Rig) -> Rig:
-    """The same rig with every device simulated: what warming up may touch."""
+    """The same rig with every device simulated: warming up must not reach a real device."""
     update = {
         "vehicle": rig.vehicle.model_copy(update={"kind": "sim", "url": ""}),
         "groundcar": rig.groundcar.model_copy(update={"kind": "sim"}),

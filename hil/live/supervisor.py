@@ -1,11 +1,13 @@
-"""Starts the processes of a live run in order, watches them by what they publish, stops them in order.
+"""Starts the processes of a live run in order, monitors their topics and health, and stops them in order.
 
-Nothing is restarted in flight. A process that ends, or whose topics grow old, is an abort: every remaining service is
-ordered to bring what it drives to its safe state. The vehicle's driver hands back to the autopilot, which lands; the
-car's driver commands zero speed. If one of these two is gone, missing commands do the same: the autopilot's failsafe
-and the car's own watchdog act on them. If the hub is gone, or the supervisor itself, every service detects bus silence
-and enters its safe state by itself.
+A process that ends, or whose topics grow old, aborts the run: nothing is restarted in flight, and every remaining
+service is ordered to bring its device to the safe state.
 """
+
+# In the safe state the vehicle's driver returns control to the autopilot, which lands; the car's driver commands zero
+# speed. If one of these two drivers has ended, the missing commands have the same effect: the autopilot's failsafe and
+# the car's own watchdog act on them. If the hub or the supervisor has ended, every service detects bus silence and
+# enters its safe state by itself.
 
 from __future__ import annotations
 
@@ -27,22 +29,22 @@ from hil.safety.topic_liveness import liveness_fault
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
 _BEAT_S = 0.2
 _STOP_S = 4.0
-_GRACE_S = 2.0  # from asking by signal to killing
-_RECORDER_S, _RECORDER_GRACE_S = 15.0, 6.0  # it still has to write what came last
+_GRACE_S = 2.0  # from SIGTERM to SIGKILL
+_RECORDER_S, _RECORDER_GRACE_S = 15.0, 6.0  # it still has to write the last messages
 # Not watched: large; or not published, by design, once the gate has tripped or the referee has decided; or frequent and
 # of simulated devices, whose health is received twice a second like that of every service
 _NOT_WATCHED = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
 
 
 class SupervisorError(RuntimeError):
-    """The services could not be brought up; the text says which and why."""
+    """The services could not be started; the text states which and why."""
 
 
 class Supervisor:
     """The processes of one run. Use as a context manager: leaving it leaves no process behind."""
 
     def __init__(self, spec: Path, endpoint: str, logs: Path, remote: Sequence[str] = (), serves: str = "") -> None:
-        """Services in `remote` are started by others, and must be built for the run whose digest is `serves`."""
+        """Services in `remote` are not started here, and must be built for the run whose digest is `serves`."""
         self._spec, self._endpoint, self._logs = spec, endpoint, logs
         self._remote, self._serves = [s for s in remote if s != "hub"], serves
         self._processes: dict[str, Process] = {}
@@ -130,12 +132,12 @@ class Supervisor:
             self._bus.send_table(CONTROL, self._standing)
 
     def _order(self, order: dict[str, Any]) -> None:
-        """To all services, again with every beat: the bus may lose one."""
+        """Send an order to all services, again with every beat: the bus may lose one."""
         self._standing, self._beaten_s = order, 0.0
         self.beat()
 
     def trouble(self) -> str:
-        """Which process ended or does not publish since the start, in words; empty while all is well."""
+        """Which process has ended or does not publish, as text; empty while there is no fault."""
         for process in self._processes.values():
             if process.ended() is not None:
                 return process.why()
@@ -167,7 +169,7 @@ class Supervisor:
         return overdue or bool(table.get("safe", True))
 
     def _alone(self, process: Process | None) -> bool:
-        """The hub is gone and the service, which was well, is left to itself: it ends once it is safe."""
+        """The hub has ended and the service was healthy: it enters its safe state by itself, and then ends."""
         hub = self._processes.get("hub")
         return process is not None and hub is not None and hub.ended() is not None and not process.stopped()
 

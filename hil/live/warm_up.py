@@ -1,8 +1,7 @@
-"""Warming up: every kernel a process will need is compiled, or loaded from the cache, before it reports ready.
+"""Compiles, or loads from the cache, every kernel that a process needs before the process reports ready.
 
-Throw-away copies of its nodes are stepped with plausible messages, on wires in memory. The nodes of the vehicle's wire
-rehearse a flight from take-off to touchdown: each phase has kernels of its own, and the first call of one takes as
-long as many control periods.
+Copies of its nodes are stepped on wires in memory through a flight from take-off to touchdown: each phase has kernels
+of its own, and the first call of one takes many control periods.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ def warm_up(plan: Plan, drawn: Drawn, names: Sequence[str]) -> None:
 
 
 def _rehearse(assembly: Assembly, clock: Clock) -> None:
-    """Take off, hover, fly on commands, touch and stop the motors, in virtual time."""
+    """Take off, hover, fly on commands, make contact and stop the motors, in virtual time."""
     link, device = assembly.node("vehicle_link"), assembly.node("vehicle_device")
     inboxes, samples, left = {node: Inbox(node.inputs) for node in (device, link)}, _samples(None), -1
     while clock.now_ns < _REHEARSAL_NS and left:
@@ -88,7 +87,7 @@ def _picture(camera: Node) -> m.Image | None:
 
 
 def _samples(image: m.Image | None) -> dict[str, Callable[[int], Any]]:
-    """By topic: a hovering vehicle that looks at a board 2.5 m ahead."""
+    """By topic: a hovering vehicle with a board 2.5 m ahead in its camera's view."""
     half = math.radians(15.0)
     tilted = (math.cos(half), 0.0, -math.sin(half), 0.0)
     place = (2.5, 0.0, 1.5)

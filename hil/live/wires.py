@@ -1,4 +1,4 @@
-"""The wires of a live run: simulated devices behind UDP on this host, real ones as the rig names them."""
+"""The wires of a live run: UDP on this host for simulated devices, the rig's addresses for real ones."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def free_ports() -> Ports:
 
 
 class LiveWires:
-    """Opens a wire when its node is built; `close` closes those that were. Raises WireError for what is not there."""
+    """Opens a wire when its node is built; `close` closes all opened ones. Raises WireError if a device is missing."""
 
     def __init__(self, rig: Rig, ports: Ports) -> None:
         self._rig, self._ports = rig, ports
@@ -87,7 +87,7 @@ class LiveWires:
 
     @property
     def trouble(self) -> list[str]:
-        """Wires that went away."""
+        """Wires that were lost."""
         return [wire.lost for wire in self._connections if wire.lost]
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The belief filter: detections in, the board predicted to now out, at the control rate and after each detection."""
+"""The belief filter: detections in, the board's state predicted to now out, at the control rate and per detection."""
 
 from __future__ import annotations
 

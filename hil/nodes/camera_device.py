@@ -1,4 +1,4 @@
-"""A camera that is no simulation: a device, or a recording that is played back."""
+"""A camera that is not simulated: a device, or the playback of a recording."""
 
 from __future__ import annotations
 

@@ -23,8 +23,8 @@ _STANDING = 0.05  # m/s
 
 
 class CarFollower(Node):
-    """Drives the car along the scenario's motion, by motion capture, once the director lets it; brings it to rest once
-    the run has ended."""
+    """Drives the car along the scenario's motion, by motion capture, once the director starts it; brings it to rest
+    when the run has ended."""
 
     name = "car_follower"
     inputs = ("mocap/board", "run/stage")
@@ -79,12 +79,12 @@ class CarLink(Node):
     def __init__(
         self, link: ScoutLink, gate: CarGate | None = None, stands_for_truth: DeadReckoning | None = None
     ) -> None:
-        """`stands_for_truth`: a real car seen by simulated sensors; they see it where its wheel odometry puts it."""
+        """`stands_for_truth`: a real car with simulated sensors, which use the pose from its wheel odometry."""
         self._link, self._gate, self._truth = link, gate or CarGate(CarGateLimits()), stands_for_truth
         if stands_for_truth is not None:
             self.outputs = (*CarLink.outputs, "truth/board")
         self._fault = ""
-        self._said: CarFeedback | None = None
+        self._reported: CarFeedback | None = None
         self._sent = 0
         self._rejected = 0
         self._protocol_wrong = self._aborted = False
@@ -99,10 +99,10 @@ class CarLink(Node):
     @property
     def safe(self) -> bool:
         """The car stands, or is out of reach: then its own watchdog stops it."""
-        return self._said is None or bool(self._fault) or abs(self._said.speed) < _STANDING
+        return self._reported is None or bool(self._fault) or abs(self._reported.speed) < _STANDING
 
     def abort(self, why: str) -> None:
-        """Ask for zero speed from now on, whatever is commanded."""
+        """Command zero speed from now on, whatever is commanded."""
         self._aborted = True
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
@@ -112,30 +112,36 @@ class CarLink(Node):
         outs: list[Out] = []
         checked = self._checked(now_ns, commands[-1], outs) if commands else None
         try:
-            said = self._link.step(now_ns, checked)
+            output = self._link.step(now_ns, checked)
         except WrongProtocolError as error:
-            self._protocol_wrong, self._said = True, None
+            self._protocol_wrong, self._reported = True, None
             return [Out("event", Event(now_ns, "error", self.name, str(error)))]
-        self._rejected = said.rejected_frames
-        if said.fault != self._fault:
-            text = f"car: {said.fault}" if said.fault else f"car: fault gone ({self._fault})"
-            outs.append(Out("event", Event(now_ns, "warning" if said.fault else "info", self.name, text)))
-            self._fault = said.fault
-        if checked is not None and said.sent_commands != self._sent:
+        self._rejected = output.rejected_frames
+        if output.fault != self._fault:
+            text = f"car: {output.fault}" if output.fault else f"car: fault gone ({self._fault})"
+            outs.append(Out("event", Event(now_ns, "warning" if output.fault else "info", self.name, text)))
+            self._fault = output.fault
+        if checked is not None and output.sent_commands != self._sent:
             outs.append(Out("car/sent", checked))
-        self._sent = said.sent_commands
-        self._said = CarFeedback(
-            said.stamp_ns, said.speed, said.turn_rate, said.mode, said.battery_v, said.fault, said.rejected_frames
+        self._sent = output.sent_commands
+        self._reported = CarFeedback(
+            output.stamp_ns,
+            output.speed,
+            output.turn_rate,
+            output.mode,
+            output.battery_v,
+            output.fault,
+            output.rejected_frames,
         )
         if self._truth is not None:
-            self._truth.add(said.stamp_ns, said.speed, said.turn_rate)
+            self._truth.add(output.stamp_ns, output.speed, output.turn_rate)
             outs.append(Out("truth/board", board_of(now_ns, self._truth.board_row(now_ns))))
-        return [*outs, Out("car/feedback", self._said)]
+        return [*outs, Out("car/feedback", self._reported)]
 
     def _checked(self, now_ns: int, command: CarCommand, outs: list[Out]) -> CarCommand | None:
         """What may be sent of `command`; a trip is reported once."""
         before = self._gate.tripped
-        checked = self._gate.check(now_ns, command, self._said)
+        checked = self._gate.check(now_ns, command, self._reported)
         if self._gate.tripped and not before:
             outs.append(Out("event", Event(now_ns, "error", "car_gate", f"gate tripped: {self._gate.tripped}")))
         return checked

@@ -17,7 +17,7 @@ from vehicle.quadrotor.pose_history import PoseAt, PoseHistory
 
 
 class Detector(Node):
-    """Looks at the newest picture only: one that arrives while another is being processed is dropped and counted."""
+    """Processes the newest picture only: one that arrives while another is being processed is dropped and counted."""
 
     name = "detector"
     inputs = ("camera/image", "vehicle/odometry", "belief")
@@ -96,7 +96,7 @@ class Detector(Node):
 def _expected(
     belief: Belief | None, at_ns: int, camera_R: np.ndarray, camera_p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """The believed board in the optical frame at the exposure (R (3, 3), p (3,)), or None while nothing is believed."""
+    """The predicted board in the optical frame at the exposure (R (3, 3), p (3,)), or None before there is a belief."""
     if belief is None or not belief.valid:
         return None
     seconds = (at_ns - belief.stamp_ns) * 1e-9

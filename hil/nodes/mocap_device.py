@@ -17,7 +17,7 @@ _HIDDEN_NS = 200_000_000
 
 
 class MocapWire(Protocol):
-    """What gives poses; see `hil.wires.mocap_vrpn.VrpnMocap`."""
+    """The source of poses; see `hil.wires.mocap_vrpn.VrpnMocap`."""
 
     @property
     def lost(self) -> str: ...
@@ -28,7 +28,7 @@ class MocapWire(Protocol):
 
 
 class MocapDevice(Node):
-    """Publishes each pose as it comes. A system that is lost ends the service, and with it the attempt."""
+    """Publishes each pose on arrival. A system that is lost ends the service, and with it the attempt."""
 
     name = "mocap"
     inputs = ("run/stage",)

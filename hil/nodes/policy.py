@@ -1,4 +1,4 @@
-"""The policy slot: belief and odometry in, body rates and thrust out. Its inputs are all that it may ever know."""
+"""The policy slot: belief and odometry in, body rates and thrust out. It has no other inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The referee: motion capture of both bodies -> contact, Algorithm 1, the magnet's verdict."""
+"""The referee: detects contact from motion capture of both bodies (Algorithm 1) and gives the magnet's verdict."""
 
 from __future__ import annotations
 

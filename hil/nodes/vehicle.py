@@ -41,8 +41,8 @@ class VehicleLink(Node):
         external_pose: bool = False,
         virtual_board: bool = False,
     ) -> None:
-        """`stands_for_truth`: a real vehicle seen by simulated sensors; they see it where its odometry puts it.
-        `external_pose`: what motion capture sees of the vehicle is passed on to the autopilot's estimator.
+        """`stands_for_truth`: a real vehicle with simulated sensors, which use the pose from its odometry.
+        `external_pose`: the vehicle's pose from motion capture is passed on to the autopilot's estimator.
         `virtual_board`: a real vehicle perches on a board that is not there, and would fall if its motors stopped."""
         self._link, self._gate, self._truth, self._external = link, gate, stands_for_truth, external_pose
         self._virtual_board = virtual_board
@@ -57,7 +57,7 @@ class VehicleLink(Node):
         self._aborted = False
 
     def abort(self, why: str) -> None:
-        """Hand back to the autopilot, which lands; on the ground, go no further."""
+        """Return control to the autopilot, which lands; on the ground, do not take off."""
         self._aborted = True
         self._link.release()
 
@@ -77,21 +77,21 @@ class VehicleLink(Node):
         command, sent, tripped = self._checked(now_ns, newest)
         seen: VehicleState | None = inbox.latest("mocap/vehicle") if self._external else None
         pose = None if seen is None else ExternalPose(seen.stamp_ns, seen.position, seen.orientation)
-        said = self._link.step(now_ns, command, pose)
-        outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in said.notes]
+        output = self._link.step(now_ns, command, pose)
+        outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]
         if tripped:
             outs.append(Out("event", Event(now_ns, "error", "gate", f"gate tripped: {tripped}")))
-        for sample in said.odometry:
+        for sample in output.odometry:
             self._odometry = VehicleState(*sample)
             outs.append(Out("vehicle/odometry", self._odometry))
             if self._truth:
                 outs.append(Out("truth/vehicle", self._odometry))
-        if sent is not None and (said.sent_thrust is not None or tripped):
-            outs.append(Out("vehicle/sent", _with_thrust(sent, said)))
-        outs += self._parameters(now_ns, said.phase)
-        if said.phase != self._phase or now_ns - self._status_ns >= STATUS_PERIOD_NS:
-            self._status_ns, self._phase = now_ns, said.phase
-            outs.append(Out("vehicle/status", _status(now_ns, said)))
+        if sent is not None and (output.sent_thrust is not None or tripped):
+            outs.append(Out("vehicle/sent", _with_thrust(sent, output)))
+        outs += self._parameters(now_ns, output.phase)
+        if output.phase != self._phase or now_ns - self._status_ns >= STATUS_PERIOD_NS:
+            self._status_ns, self._phase = now_ns, output.phase
+            outs.append(Out("vehicle/status", _status(now_ns, output)))
         return outs
 
     def _parameters(self, now_ns: int, phase: str) -> list[Out]:
@@ -130,21 +130,21 @@ class VehicleLink(Node):
         }
 
 
-def _with_thrust(sent: Sent, said: LinkOutput) -> Sent:
-    return Sent(sent.stamp_ns, sent.body_rate, sent.thrust, said.sent_thrust or 0.0, sent.limited, sent.tripped)
+def _with_thrust(sent: Sent, output: LinkOutput) -> Sent:
+    return Sent(sent.stamp_ns, sent.body_rate, sent.thrust, output.sent_thrust or 0.0, sent.limited, sent.tripped)
 
 
-def _status(now_ns: int, said: LinkOutput) -> VehicleStatus:
+def _status(now_ns: int, output: LinkOutput) -> VehicleStatus:
     return VehicleStatus(
         now_ns,
-        said.connected,
-        said.armed,
-        said.landed,
-        said.failsafe,
-        said.mode,
-        said.phase,
-        said.battery_v,
-        said.hover_thrust,
+        output.connected,
+        output.armed,
+        output.landed,
+        output.failsafe,
+        output.mode,
+        output.phase,
+        output.battery_v,
+        output.hover_thrust,
     )
 
 

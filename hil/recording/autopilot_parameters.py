@@ -1,4 +1,4 @@
-"""The autopilot's parameters of a run: from its recording into its manifest, and what became of them since."""
+"""The autopilot's parameters of a run: copied from its recording into its manifest, and compared with earlier runs."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def note_parameters(run: Run) -> None:
             held = latest(message for _, _, message in recording.messages([TOPIC]))
             run.add({TABLE: table(held)})
     except ReadError:
-        return  # a recording that cannot be read is the run's trouble, told elsewhere
+        return  # a recording that cannot be read is reported elsewhere
 
 
 def latest(messages: Iterable[VehicleParameters]) -> dict[str, float]:
-    """Values by name as they were told last."""
+    """Values by name, the last reported ones."""
     held: dict[str, float] = {}
     for message in messages:
         held.update(zip(message.names, message.values, strict=False))
@@ -74,7 +74,7 @@ def of_run(manifest: Mapping[str, Any]) -> dict[str, float]:
 
 
 def last_flight(root: Path, rig: str) -> tuple[Run, dict[str, float]] | None:
-    """The newest run under `root` of the rig called `rig` whose manifest tells parameters, and these."""
+    """The newest run under `root` of the rig called `rig` whose manifest holds parameters, and these."""
     for run in reversed(list_runs(root)):
         try:
             manifest = run.manifest

@@ -1,4 +1,4 @@
-"""Whether two runs did the same: their recordings message by message, byte for byte, then score and manifest.
+"""Compares two runs: their recordings message by message, byte for byte, then score and manifest.
 
 Only the manifest's `wall_clock` table may differ between two runs of one seed on one machine.
 """

@@ -1,8 +1,8 @@
-"""The same run in Foxglove's schemas, so that Rerun, Foxglove and Lichtblick show it without a plug-in.
+"""A run's messages in Foxglove's schemas, which Rerun, Foxglove and Lichtblick show without a plug-in.
 
-Views are for eyes: thinned to 50 Hz, pictures as JPEG. What the run is judged by are the `/perch/...` topics. Frames:
+Views are for display only: thinned to 50 Hz, pictures as JPEG; a run is judged by the `/perch/...` topics. Frames:
 world (ENU) -> vehicle (FLU) -> camera (optical: x right, y down, z forward); world -> board (x up-slope, z the normal);
-world -> board_belief (what the filter thinks).
+world -> board_belief (the filter's estimate).
 """
 
 from __future__ import annotations

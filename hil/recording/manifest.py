@@ -1,4 +1,4 @@
-"""Manifests and scores as they may lie on a disk: what is damaged is left out and named."""
+"""Reads manifests and scores from disk: damaged entries are left out and named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Blocks and topics by an MCAP file's index, which carries a checksum; the records at the file's front do not."""
+"""Reads blocks and topics of an MCAP file from its index, which has a checksum, unlike the front's records."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FOOTER_LENGTH = 20
 
 
 def by_index(file: IO[bytes], size: int) -> Found | None:
-    """What the index tells of a file of `size` bytes; None if there is none or its checksum does not match."""
+    """The content of a file of `size` bytes by its index; None if there is none or its checksum does not match."""
     index = _read_index(file, size)
     if index is None:
         return None

@@ -1,4 +1,4 @@
-"""The records of an MCAP file that a reader needs, and what a scan of one finds."""
+"""The records of an MCAP file that a reader needs, and the result of a scan."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Where the blocks of an MCAP file are: by its index if that is intact, else record by record from the front.
+"""Finds the blocks of an MCAP file: by its index if that is intact, else record by record from the front.
 
-Where the front contradicts itself (a damaged length), the scan goes on at the next block whose own checksum matches.
+Where the front contradicts itself (a damaged length), the scan continues at the next block with a matching checksum.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which code, packages and machine made a run. What cannot be told is an error: such a run would be no evidence."""
+"""Code, packages and machine that made a run. An unknown origin is an error: such a run would be no evidence."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _CODE = ("kernel", "hil", "vehicle", "groundcar", "policies", "scenarios")  # wh
 
 
 class ProvenanceError(RuntimeError):
-    """The origin of the code cannot be told; the message says how to mend it."""
+    """The origin of the code cannot be determined; the message states how to correct it."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Code:
     version: str
     commit: str  # empty for a package
     patch: bytes = b""
-    untracked: tuple[tuple[str, str], ...] = ()  # path, sha256 of files git knows nothing of
+    untracked: tuple[tuple[str, str], ...] = ()  # path, sha256 of files that git does not track
 
     @property
     def dirty(self) -> bool:
@@ -49,7 +49,7 @@ class Code:
 
 
 def code(root: Path = ROOT, distribution: str = DISTRIBUTION) -> Code:
-    """The code under `root`. Raises ProvenanceError if git should know but fails, or nothing knows a version."""
+    """The code under `root`. Raises ProvenanceError if git fails in a checkout, or no version is found."""
     try:
         version = metadata.version(distribution)
     except metadata.PackageNotFoundError:

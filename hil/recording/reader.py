@@ -1,7 +1,7 @@
-"""Reads a recording back, also one whose writer was killed or whose bytes were damaged.
+"""Reads a recording, also one whose writer was killed or whose bytes were damaged.
 
-Every block that is intact comes back. `Recording.faults` says what is damaged, `Recording.missing` what that costs in
-messages, seconds and topics.
+Every intact block is read. `Recording.faults` lists the damage, `Recording.missing` the lost messages, seconds and
+topics.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ class Recording:
         return counts
 
     def missing(self) -> list[Missing]:
-        """What the writer's counting says is not there, a line for each gap of a topic. Reads the whole file.
+        """What is missing by the writer's numbering, a line for each gap of a topic. Reads the whole file.
 
         What a killed run had not written yet is in no count.
         """

@@ -1,7 +1,7 @@
-"""Receipts: what each step of each node consumed, so that it can be stepped again exactly.
+"""Receipts: the messages that each step of each node consumed, so that the step can be repeated exactly.
 
-One MCAP file a process in the run's folder (`receipts-NAME.mcap`), one topic a node. A receipt holds the step's time
-and, for each of the node's inputs in order, the numbers of the messages that were new: their place in the topic.
+One MCAP file per process in the run's folder (`receipts-NAME.mcap`), one topic per node. A receipt holds the step's
+time and, for each of the node's inputs in order, the numbers of the messages that were new: their place in the topic.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The recorder: every message of a run into `run.mcap`, as it was and as viewers like to see it.
+"""The recorder: writes every message of a run into `run.mcap`, unchanged and as views for viewers.
 
 `Recorder` is called as the host's tap. A run that cannot record must not fly: every failure is a RecordingError.
 """
@@ -86,7 +86,7 @@ class Recorder:
         return {topic: counts[PREFIX + topic] for topic in self._channels}
 
     def flush(self) -> None:
-        """Give everything to the operating system now: what has been flushed survives a killed process."""
+        """Write everything to the operating system now: flushed data survives a killed process."""
         self._writer.flush()
 
     def close(self) -> None:

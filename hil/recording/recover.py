@@ -1,4 +1,4 @@
-"""Repairs a run whose recording was cut off: what can be read is written anew and indexed; the original is kept."""
+"""Repairs a run whose recording was cut off: readable messages go into a new, indexed file; the original is kept."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ORIGINAL = "run.truncated.mcap"
 
 
 class RecoverError(RuntimeError):
-    """Nothing was changed; the message says why."""
+    """Nothing was changed; the message states why."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Recovery:
 
 
 class _Source(Recording):
-    """A recording that also tells its channels, in the file's order."""
+    """A recording that also lists its channels, in the file's order."""
 
     def channels(self) -> list[tuple[str, str, bytes]]:
         """(topic, schema name, schema) of each channel whose schema is known."""
@@ -100,7 +100,7 @@ def _rewrite(source: _Source, target: Path) -> float:
 
 def _note(run: Run, now: datetime, faults: tuple[str, ...], messages: int, original: Path) -> None:
     manifest = run.manifest
-    if manifest.get("state") == "running":  # its process is gone: it will never say so itself
+    if manifest.get("state") == "running":  # its process has ended and cannot correct the entry
         manifest["state"] = "interrupted"
     manifest["recovered"] = {
         "utc": now.astimezone(UTC).isoformat(timespec="seconds"),
@@ -120,7 +120,7 @@ def _free(path: Path) -> Path:
 
 
 def _writer_of(path: Path) -> int | None:
-    """A process that has `path` open for writing, if the system lets us see it."""
+    """A process that has `path` open for writing, if the system permits the look-up."""
     wanted = path.stat()
     for folder in Path("/proc").glob("[0-9]*/fd"):
         try:

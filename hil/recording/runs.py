@@ -1,4 +1,4 @@
-"""Run folders: one folder a run, born complete with its manifest, never overwritten.
+"""Run folders: one folder per run, created with its manifest, never overwritten.
 
     runs/20260102T030405Z_hard-i_sim-seed7/
         manifest.json   what was run: code, packages, scenario, rig, seed, policy, machine; times of the wall clock
@@ -6,7 +6,7 @@
         score.json      the verdict
         dirty.patch     uncommitted changes of the code, if there were any
 
-Simulated and real runs never share an identity: the folder's name and the manifest say which it is.
+Simulated and real runs never share an identity: the folder's name and the manifest state which it is.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def new_run(
     `scenario` and `rig` are the read files as plain tables (with `name` and `source`), `policy` names what flies (see
     `policy_identity`), `started_utc` is the wall clock's time, `more` adds tables to the manifest. `code` saves asking
     git again when many runs start together.
-    Raises ProvenanceError (nothing is made then) if the run's origin cannot be told, RunError if `root` is unusable.
+    Raises ProvenanceError (nothing is made then) if the run's origin is unknown, RunError if `root` is unusable.
     """
     code = code or provenance.code()
     identity = "sim" if simulated else "real"
@@ -139,7 +139,7 @@ def new_run(
 
 
 def policy_identity(policy: str) -> dict[str, Any]:
-    """The manifest's `policy` table: its name; a network's sha256; the path of one that did not come with us.
+    """The manifest's `policy` table: its name; a network's sha256; the path of one that the project does not ship.
 
     Raises ProvenanceError if it looks like a file and cannot be read.
     """
@@ -173,7 +173,7 @@ def list_runs(root: Path) -> list[Run]:
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
-    """Write `value` to `path` in one piece: a reader, or a crash, never sees half of it. NaN is refused."""
+    """Write `value` to `path` in one piece: a reader, or a crash, never finds half of it. NaN is refused."""
     text = json.dumps(value, indent=2, allow_nan=False) + "\n"
     scratch = path.with_name(f".{path.name}.new")
     scratch.write_text(text, encoding="utf-8")
@@ -190,7 +190,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 def _next_number(root: Path, scenario: str) -> int:
-    """A real flight is told apart by counting: the seed of a real run says nothing."""
+    """Real flights are distinguished by a counter: the seed of a real run means nothing."""
     names = (run.path.name.partition(f"_{scenario}_real-")[2][:3] for run in list_runs(root))
     return max((int(n) for n in names if n.isdecimal()), default=0) + 1
 

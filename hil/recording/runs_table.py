@@ -1,4 +1,4 @@
-"""Listing runs: what was flown with what, and how it ended; filters, and tables for other tools."""
+"""Lists runs with what was flown and the verdict; filters them, and writes tables for other tools."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings that spreadsheets take
 
 
 class TableError(RuntimeError):
-    """The table cannot be made; the message says what to do."""
+    """The table cannot be made; the message states what to do."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def table(found: Sequence[Row]) -> Table:
     """For a terminal, the newest last, next to the prompt: planar (m), normal (deg) and tangential (m/s) error."""
     shown = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     rigs = len({row.rig for row in found if row.rig}) > 1
-    shown.add_column("run", overflow="fold", min_width=38)  # its name tells scenario, sim or real, and seed
+    shown.add_column("run", overflow="fold", min_width=38)  # its name holds scenario, sim or real, and seed
     for column in (("rig",) if rigs else ()) + ("policy", "verdict"):
         shown.add_column(column, overflow="fold")
     for column in ("m", "deg", "m/s"):

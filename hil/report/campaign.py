@@ -1,4 +1,4 @@
-"""Several runs on one page: success per scenario with exact intervals, where they touched, a line a run."""
+"""Several runs on one page: success per scenario with exact intervals, contact positions, and a row per run."""
 
 from __future__ import annotations
 

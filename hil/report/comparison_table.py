@@ -1,4 +1,4 @@
-"""Policies of a campaign side by side, on the seeds that both flew."""
+"""Policies of a campaign, compared on the seeds that both flew."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def outcomes(lines: Sequence[Line]) -> dict[str, dict[Conditions, bool]]:
 
 
 def comparisons(lines: Sequence[Line], baseline: str, confidence: float) -> list[tuple[str, str, str, str]]:
-    """(policy, baseline, scenario or "all", what the pairs say), where there is anything to pair."""
+    """(policy, baseline, scenario or "all", result of the pairs), where there is anything to pair."""
     by_policy = outcomes(lines)
     names = sorted(by_policy, key=lambda name: (name.split(" ")[0] != baseline, name))
     rows = []

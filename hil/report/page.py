@@ -1,4 +1,4 @@
-"""Puts a report together: `flight_page(run)`, `compare_page(a, b)`. One HTML text, nothing loaded from outside."""
+"""Assembles a report: `flight_page(run)`, `compare_page(a, b)`. One HTML text that loads nothing from outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict in words, and the handful of numbers that carry it."""
+"""The verdict in words, with the numbers that it rests on."""
 
 from __future__ import annotations
 

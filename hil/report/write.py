@@ -1,4 +1,4 @@
-"""Which page the paths ask for, and where it goes."""
+"""Selects the page for the given paths, and writes it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hil.report.recorded.flight import load
 def write_report(runs: Sequence[Path], compare: Path | None = None, out: Path | None = None) -> Path:
     """Write the report of `runs` and return its path: of one run, of two side by side, or of a campaign of several.
 
-    Raises ReadError or RunError if a path is no run, ValueError if the wish makes no sense, OSError if `out` cannot be
+    Raises ReadError or RunError if a path is no run, ValueError for an invalid choice, OSError if `out` cannot be
     written.
     """
     folders = _expand(runs)
@@ -38,7 +38,7 @@ def write_report(runs: Sequence[Path], compare: Path | None = None, out: Path | 
 
 
 def _expand(paths: Sequence[Path]) -> list[Path]:
-    """Folders of runs give way to the runs in them."""
+    """Replace folders of runs by the runs in them."""
     found: list[Path] = []
     for path in paths:
         inside: list[Run] = []

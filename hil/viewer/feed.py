@@ -1,6 +1,7 @@
-"""The feed's process: messages of a run under way into Rerun. `python -m hil.viewer.feed SPEC` (JSON, see FeedSpec).
+"""The feed's process: sends a run's messages to Rerun during the run. `python -m hil.viewer.feed SPEC` (JSON, see
+FeedSpec).
 
-It may be slow, hang or die: nothing that controls waits for it.
+It may be slow, hang or end: no control process waits for it.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def from_pipes(pipes: tuple[int, ...]) -> Iterator[Item]:
 
 
 def from_bus(endpoint: str, stopped: list[bool]) -> Iterator[Item]:
-    """(topic, message) of a live run, thinned, until stopped. Raises BusError if no hub comes up."""
+    """(topic, message) of a live run, thinned, until stopped. Raises BusError if no hub starts."""
     from hil.bus.leaf import Bus, BusError, Mailbox
 
     until = time.monotonic() + _HUB_S
@@ -66,11 +67,11 @@ def from_bus(endpoint: str, stopped: list[bool]) -> Iterator[Item]:
         bus.subscribe(_READER, SHOWN_NS, mailbox)
         last = False
         while not last:
-            last = bool(stopped)  # what has come by then is still shown
+            last = bool(stopped)  # messages received until then are still shown
             mailbox.wait(100_000_000)
-            for letter in mailbox.drain():
-                if thinner.lets(letter.published_ns, letter.topic):
-                    yield letter.topic, reduced(letter.message) if letter.topic == PICTURES else letter.message
+            for delivery in mailbox.drain():
+                if thinner.lets(delivery.published_ns, delivery.topic):
+                    yield delivery.topic, reduced(delivery.message) if delivery.topic == PICTURES else delivery.message
     mailbox.close()
 
 

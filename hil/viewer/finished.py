@@ -1,4 +1,4 @@
-"""A finished run in Rerun: its messages through `ViewStream`, then what only a whole recording gives.
+"""Shows a finished run in Rerun: its messages through `ViewStream`, then the plots that need the whole recording.
 
 Times are seconds from the attempt's start. Needs the optional Rerun SDK.
 """

@@ -1,4 +1,4 @@
-"""`run --view`: a window, or a page to open elsewhere, that follows a run. A process of its own, bound to loopback."""
+"""`run --view`: shows a run in progress in a window or on a web page. A separate process, bound to loopback."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _START_S = 30.0
 class RunViewer:
     """The viewer of one `run --view`: a window where there is a display, else a page served on loopback."""
 
-    def __init__(self, say: Callable[[str], None]) -> None:
-        """Start it; `say` gets a line of how to look. Raises ViewerError if there can be none."""
+    def __init__(self, remark: Callable[[str], None]) -> None:
+        """Start it; `remark` receives lines on how to open the view. Raises ViewerError if there can be none."""
         rerun()
-        self._say = say
+        self._remark = remark
         self._folder = tempfile.TemporaryDirectory(prefix="perch-hil-view-")
         self.log = Path(self._folder.name) / "log"
         self._port, self._web = free_port(), free_port()
         self.served = not has_display()
         process = self._start()
         if process is None and not self.served:
-            say("Rerun could not open a window here: serving a page instead")
+            remark("Rerun could not open a window here: serving a page instead")
             self.served, self._port = True, free_port()
             process = self._start()
         if process is None:
@@ -41,13 +41,13 @@ class RunViewer:
         self._process = process
         if self.served:
             forward = " ".join(f"-L {port}:127.0.0.1:{port}" for port in (self._web, self._port))
-            say(f"viewer: open {self.page}")
-            say(f"  if your browser is on another computer, first there: ssh {forward} {socket.gethostname()}")
+            remark(f"viewer: open {self.page}")
+            remark(f"  if your browser is on another computer, first there: ssh {forward} {socket.gethostname()}")
 
     def _start(self) -> subprocess.Popen[bytes] | None:
-        """The viewer, listening; None if it ended instead."""
-        with self.log.open("ab") as said:
-            process = spawn_viewer(self._port, log=said, web_port=self._web if self.served else None)
+        """The viewer, once it accepts connections; None if it ended instead."""
+        with self.log.open("ab") as output:
+            process = spawn_viewer(self._port, log=output, web_port=self._web if self.served else None)
         yield_to_others(process)
         until = time.monotonic() + _START_S
         while process.poll() is None and time.monotonic() < until:
@@ -76,12 +76,12 @@ class RunViewer:
         return Feed(spec, self.log)
 
     def close(self) -> None:
-        """A page is served until Ctrl-C if somebody is at the terminal; a window is its user's to close."""
+        """A page is served until Ctrl-C if there is a terminal; the user closes a window."""
         if not self.served:
             if self._process.poll() is not None and (why := self._errors()):
-                self._say(f"the viewer's window is gone{why}")
+                self._remark(f"the viewer's window is gone{why}")
         elif sys.stdin.isatty():
-            self._say(f"viewer: still at {self.page}; Ctrl-C ends it")
+            self._remark(f"viewer: still at {self.page}; Ctrl-C ends it")
             with suppress(KeyboardInterrupt):
                 self._process.wait()
         if self.served:

@@ -1,4 +1,4 @@
-"""What never changes in the viewer: shapes, colours, lens and layout, for a finished run and for a run under way.
+"""The constant parts of the view: shapes, colours, lens and layout, for finished runs and for runs in progress.
 
 World ENU; `world/vehicle/camera` is the pinhole with the pictures. Needs the optional Rerun SDK.
 """
@@ -70,7 +70,7 @@ def draw_board(stream: rr.RecordingStream, side: float, tolerance: float) -> Non
 
 
 def draw_believed(stream: rr.RecordingStream, side: float) -> None:
-    """Outline of the board as the filter believes it, at the stream's time: not before anything is believed."""
+    """Outline of the board as the filter believes it, at the stream's time: only once there is a belief."""
     stream.log(
         f"{BELIEF_AT}/outline",
         rr.Boxes3D(sizes=[[side, side, 0.004]], colors=[[123, 63, 160]], labels=["believed"]),

@@ -1,4 +1,4 @@
-"""The one mapping of messages to Rerun's entities, for a run under way and for a finished one. Needs the Rerun SDK.
+"""Maps messages to Rerun's entities, for a run in progress and for a finished one. Needs the Rerun SDK.
 
 World ENU; `world/vehicle/camera` is the pinhole with the pictures.
 """
@@ -65,7 +65,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
 
 
 class ViewStream:
-    """Logs messages as they come; a topic that it does not show is ignored."""
+    """Logs messages on arrival; a topic that it does not show is ignored."""
 
     def __init__(
         self,

@@ -1,6 +1,6 @@
-"""What a run gives its viewer: a feed process that it hands messages to, thinned, without ever waiting.
+"""The run's side of its viewer: passes thinned messages to a feed process and never waits.
 
-What the feed is too slow for is dropped and counted; if it dies the run goes on.
+Messages that the feed cannot take in time are dropped and counted; if the feed ends, the run continues.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ _DRAIN_S = 5.0
 
 @dataclass(frozen=True)
 class FeedSpec:
-    """What a feed's process is told. `sink`: a Rerun address or an .rrd file; m and rad.
+    """Configuration of a feed's process. `sink`: a Rerun address or an .rrd file; m and rad.
 
-    `endpoint`: a live run's hub to listen at; empty: the run sends on the sockets `pipes`.
+    `endpoint`: the hub of a live run, to receive from; empty: the run sends on the sockets `pipes`.
     """
 
     sink: str
@@ -89,10 +89,10 @@ class Feed:
             lane.setblocking(False)
             lane.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)  # the kernel grants what it allows
         pipes = tuple(their.fileno() for their in theirs)
-        with log.open("ab") as said:
+        with log.open("ab") as output:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "hil.viewer.feed", json.dumps(asdict(replace(spec, pipes=pipes)))],
-                stdin=subprocess.DEVNULL, stdout=said, stderr=said, pass_fds=pipes, start_new_session=True,
+                stdin=subprocess.DEVNULL, stdout=output, stderr=output, pass_fds=pipes, start_new_session=True,
             )  # fmt: skip
         yield_to_others(self._process)
         for their in theirs:
@@ -111,7 +111,7 @@ class Feed:
             self._lanes[topic == PICTURES].send(
                 bytes([len(name)]) + name + codec(TOPICS[topic].message).encode(message)
             )
-        except OSError:  # full, or nobody is there any more
+        except OSError:  # full, or the feed has ended
             self.dropped += 1
 
     def close(self) -> None:
@@ -135,6 +135,6 @@ class Feed:
 
 
 def yield_to_others(process: subprocess.Popen[bytes]) -> None:
-    """What controls goes first."""
+    """Lower the priority of `process` below that of control processes."""
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, process.pid, _NICE)

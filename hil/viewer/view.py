@@ -1,6 +1,6 @@
-"""Rerun for a run: 3-D with board, camera and tags, pictures with detections, the series that matter.
+"""Rerun views of a run: 3-D with board, camera and tags, pictures with detections, and the main time series.
 
-Rerun is an optional extra and is imported only when asked for; it never runs in a process that controls anything.
+Rerun is an optional extra, imported only on request; it never runs in a process that controls anything.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def save_rrd(run: Path | str, path: Path) -> None:
     sdk = rerun()
     recorded = load(run)
     scratch = path.with_name(f".{path.name}.new")
-    scratch.touch()  # the SDK does not say why it could not open a file
+    scratch.touch()  # the SDK does not report why it could not open a file
     try:
         _write(sdk, recorded, scratch)
         scratch.replace(path)
@@ -67,7 +67,7 @@ def open_viewer(run: Path | str) -> None:
         path = Path(folder) / f"{recorded.name}.rrd"
         _write(sdk, recorded, path)
         log = Path(folder) / "viewer.log"
-        with log.open("wb") as said, spawn_viewer(free_port(), path, log=said) as window:
+        with log.open("wb") as output, spawn_viewer(free_port(), path, log=output) as window:
             try:
                 window.wait()
             except KeyboardInterrupt:
@@ -87,7 +87,7 @@ def spawn_viewer(
     """Start Rerun in a process of its own, listening on loopback only. Raises OSError if it cannot start.
 
     A window; with `web_port` a page for a browser instead. `address(port)` is what a process that logs connects to;
-    `files` are opened at once; `log` takes what it says. Ctrl-C in the terminal does not reach it.
+    `files` are opened at once; `log` receives its output. Ctrl-C in the terminal does not reach it.
     """
     command = [sys.executable, "-m", "rerun_cli", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
     if web_port is not None:

@@ -1,4 +1,4 @@
-"""The board at some time of a plan, as a row (DIM,) in world ENU; three elements each but for the last."""
+"""Indices of the board's row at a time of a plan, (DIM,), world ENU. Three elements each, except the last."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Fast-Perching's cost and gradient (Ji et al., "Real-time trajectory planning for aerial perching", IROS 2022).
 
-What is varied stands in `variables_row`. The board goes on at its present speed and turn rate; with the turn rate 0 it
-is the published method, which predicts straight on.
+The variables are those of `variables_row`. The board is predicted at its present speed and turn rate; with a turn rate
+of 0 this is the published method, which predicts a straight line.
 """
 
 from __future__ import annotations

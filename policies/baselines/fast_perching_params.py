@@ -12,7 +12,7 @@ from vehicle.quadrotor.airframe import GRAVITY
 
 @dataclass(frozen=True)
 class FastPerchingParams:
-    """Limits and geometry. What has a default is of the published launch file, but for gravity."""
+    """Limits and geometry. The defaults are those of the published launch file, except gravity."""
 
     thrust_min: float  # m/s^2, least collective thrust
     thrust_max: float  # m/s^2, largest collective thrust

@@ -1,4 +1,4 @@
-"""What Fast-Perching's search varies, as a row (DIM,)."""
+"""Indices of the variables of Fast-Perching's search, (DIM,)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the training environment randomises and how it runs: a checked dataclass and the row its kernels take."""
+"""Settings of the training environment and the ranges of its randomisation: a checked dataclass, a row for kernels."""
 
 from __future__ import annotations
 
@@ -22,25 +22,29 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """Ranges are (low, high) of uniform draws once an episode; single numbers half-widths. SI units, degrees if named.
+    """Settings of the environment. Raises ValueError for one that is out of range.
+
+    A pair is the range (low, high) of one uniform draw per episode; a single number is the half-width of a draw, unless
+    the text below says otherwise. SI units; a name that ends in `_deg` is in degrees.
 
     Start, domain randomisation and detector rate are the paper's (tables "Initialization parameters" and App. "Domain
     Randomization"). Beyond it, because the harness has them: `car_lag` (time constant of the car's answer, up to),
     `latency` from exposure to a filter update, `command_delay` from action to motors (s), `wind` (mean, up to),
-    `odometry_noise` (scale of 2 cm/s and 3 mrad one-sigma in what the policy knows of itself), and factors of the
+    `odometry_noise` (scale of 2 cm/s and 3 mrad one-sigma in the vehicle's own estimate), and factors of the
     airframe's `drag` (the paper's equations have none: what is drawn below 0 is 0), `motor_lag` and body rate loop
     (`rate_gain`).
     `noise_scale` multiplies the paper's visual noise; `noise_power` above 1 draws small scales more often (half below a
-    quarter of the range at 2): our own detector's noise is a tenth of the paper's. `families`, `laws`: odds of each of
-    FAMILIES and LAWS;
+    quarter of the range at 2): this project's detector has a tenth of the paper's noise. `families`, `laws`: odds of
+    each of FAMILIES and LAWS.
     `oscillating`: share of all episodes that are over steep boards with an oscillating speed as in Hard-I, whatever the
     other ranges say; `hard_examples`: share of the others over boards that are hard by their speed (hard-example
     sampling), flat at 2.4 to 3.2 m/s or steep at 1.2 to 2.5 m/s.
-    `warm`: share of episodes in which the vehicle first hovers and watches for `warm_time` (as the harness does before
-    it engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers and critics.
+    `warm`: share of episodes in which the vehicle first hovers for `warm_time` and observes the board (as the harness
+    does before it engages). `substeps` of physics in 10 ms. `horizon`: control steps of true future kept for teachers
+    and critics.
     `guidance`: the laws of `policies/guidance/guide.py` act on every action before it is delayed and flown, by the
-    belief and the odometry that the policy was shown. The guided action is the one that the next observation and the
-    reward are told of. `guidance_changes` of GuidanceParams' defaults.
+    belief and the odometry that the policy received. The next observation and the reward receive the guided action.
+    `guidance_changes`: values that replace GuidanceParams' defaults, by field name.
     `augmentation` False and `rho` False are the paper's ablations (raw poses and their differences; rho fixed to 1).
     """
 

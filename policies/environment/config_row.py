@@ -1,4 +1,4 @@
-"""Indices of the environment's settings as kernels take them, (DIM,); `EnvConfig` says what they mean."""
+"""Indices of the environment's settings for kernels, (DIM,); `EnvConfig` defines them."""
 
 SPEED_LOW, SPEED_HIGH = 0, 1
 INCLINATION_LOW, INCLINATION_HIGH = 2, 3

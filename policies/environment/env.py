@@ -52,7 +52,7 @@ def advance(rows: Rows, shared: Shared, actions: np.ndarray) -> None:
 
 
 class Env:
-    """N episodes side by side. `rows` is open: kernels may read truth, belief and future from it."""
+    """N episodes side by side. `rows` is public: kernels may read truth, belief and future from it."""
 
     def __init__(self, config: EnvConfig, belief: BeliefParams | None = None) -> None:
         airframe = load_airframe(config.airframe)
@@ -75,7 +75,7 @@ class Env:
         self.steps = 0
 
     def reset(self) -> np.ndarray:
-        """Begin a new episode in every row and forget the tally; returns the observations ((N, OBS_DIM) float32)."""
+        """Begin a new episode in every row and empty the tally; returns the observations ((N, OBS_DIM) float32)."""
         reset_rows(self.rows, self.shared)
         self.tally = Tally()
         return self.rows.observation
@@ -99,11 +99,12 @@ class Tally:
         self._parts: list[np.ndarray] = []
 
     def add(self, ended: np.ndarray) -> None:
+        """Add ended episodes, (K, ended_row.DIM); they are copied."""
         self._parts.append(ended.copy())
 
     @property
     def rows(self) -> np.ndarray:
-        """(K, ended_row.DIM)."""
+        """All rows added so far, (K, ended_row.DIM)."""
         return np.concatenate(self._parts) if self._parts else np.zeros((0, ended_row.DIM))
 
     def causes(self) -> dict[str, int]:

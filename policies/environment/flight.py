@@ -1,7 +1,7 @@
-"""One episode of the training environment as a flight meets it: odometry and detections in, commands out.
+"""A training episode with the interfaces of a flight: it gives odometry and detections and takes commands.
 
-What flies (policies/flying/onnx_policy.py) can so be run on a training episode: to show that flight
-computes what training computed, to time a whole tick, to look for the difference when the two disagree.
+A flying policy (policies/flying/onnx_policy.py) can be run on it to show that flight computes what training computed,
+to time a whole tick, and to find the difference when the two disagree.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from policies.environment import episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
 from policies.environment.observe import shown_odometry
-from policies.estimation import belief_row, belief_state
+from policies.estimation import belief_row, belief_state, measured_row
 from policies.task.interface import Command, Vec3
 from policies.task.observation import action_from_command
 from vehicle.quadrotor import state_row
 
-_MEASURED = [0, 1, 2, 3, 6]  # of the filter's state: position, heading, inclination
+# Entries of the filter's state that a detection measures, in the order of measured_row.
+_MEASURED = [belief_state.X, belief_state.Y, belief_state.Z, belief_state.HEADING, belief_state.INCLINATION]
 
 
 class Detection(NamedTuple):
@@ -48,10 +49,13 @@ class Odometry:
 
 
 class EnvFlight:
-    """Episodes of one row of a vision environment, flown tick by tick. `env` is open for comparison."""
+    """Episodes of one row of a vision environment, flown tick by tick. `env` is public for comparison."""
 
     def __init__(self, config: EnvConfig) -> None:
-        """Starts watching are not supported: their first detections happen within the reset."""
+        """Raises ValueError unless `config` has the vision stage and `warm` 0.
+
+        In a warm start the first detections arrive during the reset, before this class can report them.
+        """
         if config.stage != "vision" or config.warm > 0.0:
             raise ValueError("a flight in the training environment needs the vision stage, and warm = 0")
         self.env = Env(replace(config, count=1))
@@ -61,11 +65,11 @@ class EnvFlight:
 
     @property
     def now_ns(self) -> int:
-        """Time since the episode began."""
+        """Time since the episode began, ns."""
         return round(self.env.rows.state[0, episode_row.STEP] * TICK * 1e9)
 
     def odometry(self) -> Odometry:
-        """What the vehicle knows of itself now, odometry noise included."""
+        """The vehicle's own estimate now, with odometry noise."""
         p, v, q = (view.tolist() for view in shown_odometry(self.env.rows.scratch[0]))
         w = self.env.rows.vehicle[0, state_row.W : state_row.W + 3].tolist()
         return Odometry(
@@ -73,7 +77,7 @@ class EnvFlight:
         )
 
     def detections(self) -> list[Detection]:
-        """What has arrived since the last call."""
+        """Detections that have arrived since the last call."""
         now = self.env.rows.state[0, episode_row.STEP] * TICK + 1e-9
         arrived = [seen for seen in self._waiting if seen.arrival <= now]
         self._waiting = [seen for seen in self._waiting if seen.arrival > now]
@@ -117,7 +121,7 @@ class EnvFlight:
     def _detection(self, arrival: float, z: np.ndarray, r: np.ndarray) -> Detection:
         """A pose that the filter takes for the measurement `z`, variances `r`, exposed now."""
         sigmas = np.sqrt(r[:3])
-        q = from_euler(0.0, -z[4], z[3])
-        return Detection(
-            float(arrival), self.now_ns, (z[0], z[1], z[2]), q, (sigmas[0], sigmas[1], sigmas[2]), math.sqrt(r[4])
-        )
+        q = from_euler(0.0, -z[measured_row.INCLINATION], z[measured_row.HEADING])
+        position = (z[measured_row.X], z[measured_row.Y], z[measured_row.Z])
+        orientation_sigma = math.sqrt(r[measured_row.INCLINATION])
+        return Detection(float(arrival), self.now_ns, position, q, (sigmas[0], sigmas[1], sigmas[2]), orientation_sigma)

@@ -1,14 +1,15 @@
-"""What the board does in a training episode: path family, speed law and the car's sluggishness, drawn at random.
+"""The board's motion in a training episode: path family, speed law and the car's response, drawn at random.
 
-Wider than the paper (splines with an Ornstein-Uhlenbeck speed): its three structured paths, circles, standstill, cosine
-speeds as in Hard-I, ramps and changes of path as in Hard-II, and a car that answers late and overshoots.
+The paper trains on splines with an Ornstein-Uhlenbeck speed. Added here are its three structured paths, circles, a
+board at rest, oscillating speeds as in Hard-I, ramps and changes of path as in Hard-II, and a car that responds with a
+delay and overshoots.
 """
 
 from __future__ import annotations
 
 import math
 
-from groundcar.motion import motion_row, path_row, speed_row
+from groundcar.motion import board_row, motion_row, path_row, speed_row
 from groundcar.motion.board_motion import motion_reset, motion_step
 from groundcar.motion.paths import ARC, FIGURE8, LINE, RACETRACK, SPLINE, STATIC, path_lap
 from groundcar.motion.speed_laws import CONSTANT, COSINE, OU, SCHEDULED
@@ -19,11 +20,11 @@ from policies.environment import config_row
 from policies.environment.config import FAMILIES, LAWS, TICK
 
 BOARD_HEIGHT = 1.5  # m, paper
-MOTION_DIM = motion_row.DIM + 8  # aux row of groundcar.motion.board_motion, then the board row at the end of the track
+MOTION_DIM = motion_row.DIM + board_row.DIM  # a motion row, then the board row at the end of the track
 _KINDS = (SPLINE, LINE, RACETRACK, FIGURE8, ARC, STATIC)
 _SPEED_KINDS = (CONSTANT, OU, COSINE, SCHEDULED)
 _FIGURE8_SPEED = 2.4  # m/s: at its tips 1.8 rad/s, the most the car turns
-# `oscillating`: Hard-I and more, as cars really drive it (asked 1.0 to 2.5 m/s every 3 s, they overshoot to 0.7-2.8).
+# `oscillating`: Hard-I and wider, with the overshoot of real cars (asked for 1.0 to 2.5 m/s, they drive 0.7 to 2.8).
 _SPLINE, _COSINE = FAMILIES.index("spline"), LAWS.index("cosine")
 _SLOW, _FAST, _PERIOD = (0.6, 1.2), (2.2, 2.9), (2.5, 4.0)  # m/s, m/s, s
 _STEEP = (math.radians(45.0), math.radians(75.0))
@@ -135,7 +136,10 @@ def motion_draw(motion, config, rng):
 
 @njit
 def extend_track(motion, track, known, wanted, rng):
-    """Step the motion on until `track` ((T, 8)) is known up to row `wanted`; row `known` is the last one known now."""
+    """Step the motion on until `track` ((T, 8)) is known up to row `wanted`; row `known` is the last one known now.
+
+    Returns the number of the last known row.
+    """
     aux, board = motion[: motion_row.DIM], motion[motion_row.DIM :]
     for k in range(known + 1, min(wanted, track.shape[0] - 1) + 1):
         motion_step(board, aux, TICK, rng)

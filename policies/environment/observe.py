@@ -1,4 +1,4 @@
-"""What a row's policy is told: the board as perceived, odometry, the observation; and the critic's future."""
+"""What a row's policy receives: the perceived board, odometry and the observation; and the critic's future."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from policies.estimation.own_state import WAIT
 from policies.estimation.thrust_drag import gain_update
 from policies.task import entry_row
 from policies.task.observation import build_observation, push_history, relative_entry, write_entry, yaw_axes
-from vehicle.quadrotor import airframe_row, state_row
+from vehicle.quadrotor import airframe_row, command_row, state_row
 from vehicle.quadrotor.airframe import GRAVITY
 
 _V_NOISE, _ATTITUDE_NOISE = 0.02, 0.003  # m/s, rad: one-sigma of odometry at scale 1
@@ -31,7 +31,10 @@ def true_gain(rows, i, shared):
 
 @njit
 def perceive(rows, i, shared, board, latency):
-    """The board as the policy is told of it, into `believed` and the history. Returns rho."""
+    """The board as the policy perceives it, into the row's `believed` board row and its history. Returns rho (0..1).
+
+    `board` (8,): the true board row now; `latency` s from an exposure to its detection.
+    """
     state = rows.state[i]
     rho = 1.0
     if shared.config[config_row.VISION] > 0.0:
@@ -45,7 +48,7 @@ def perceive(rows, i, shared, board, latency):
 
 @njit
 def odometry(rows, i):
-    """What the vehicle knows of itself, into the scratch row: position, velocity, orientation with odometry noise."""
+    """The vehicle's own estimate, into the scratch row: position, velocity, orientation with odometry noise."""
     vehicle, rng, x = rows.vehicle[i], rows.rng[i], rows.scratch[i]
     scale = rows.state[i, episode_row.ODOMETRY]
     x[scratch_row.P : scratch_row.P + 3] = vehicle[state_row.P : state_row.P + 3]
@@ -62,7 +65,7 @@ def odometry(rows, i):
 
 @njit
 def own_gain(rows, i, shared):
-    """(achieved over asked thrust, drag 1/s) as row i has found them out."""
+    """(achieved over asked thrust, drag 1/s) as row i has estimated them."""
     if shared.config[config_row.GAIN_SLOT] > 0.0:
         return rows.gain[i, thrust_row.GAIN], rows.gain[i, thrust_row.DRAG]
     return 1.0, shared.nominal[airframe_row.DRAG] / shared.nominal[airframe_row.MASS]
@@ -70,14 +73,14 @@ def own_gain(rows, i, shared):
 
 @njit
 def own_sigma(rows, i, shared):
-    """How well row i knows the board's surface, m along its normal: 0 where it is told the truth, or raw poses."""
+    """One-sigma of the board's surface for row i, m along its normal; 0 if the policy receives truth or raw poses."""
     seeing = shared.config[config_row.VISION] > 0.0 and shared.config[config_row.AUGMENTATION] > 0.0
     return surface_sigma(rows.belief[i]) if seeing else 0.0
 
 
 @njit
 def shown_odometry(scratch):
-    """Views of position, velocity (3,) and orientation (4,) that a row's policy was shown, in its scratch row."""
+    """Views of position, velocity (3,) and orientation (4,) that a row's policy received, in its scratch row."""
     p, v, q = scratch_row.P, scratch_row.V, scratch_row.Q
     return scratch[p : p + 3], scratch[v : v + 3], scratch[q : q + 4]
 
@@ -92,7 +95,7 @@ def observe(rows, i, shared, rho):
         zx, zy, zz = body_z(q)
         lag, asked, expected = (
             shared.nominal[airframe_row.MOTOR_LAG] + WAIT,
-            state[episode_row.COMMAND + 3],
+            state[episode_row.COMMAND + command_row.THRUST],
             shared.nominal[airframe_row.DRAG],
         )
         expected /= shared.nominal[airframe_row.MASS]

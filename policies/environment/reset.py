@@ -1,4 +1,4 @@
-"""How an episode begins: the draw of vehicle, detector, motion and start, and hovering until the board is known."""
+"""The start of an episode: draw of vehicle, detector, motion and start, then hovering until the board is known."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from policies.environment.vision import latency_now, look, see
 from policies.estimation.board_ekf import belief_reset, belief_valid
 from policies.estimation.thrust_drag import gain_reset, gain_update
 from policies.task.observation import action_from_command, clear_history
-from vehicle.camera import camera_row
+from vehicle.camera import bias_row, camera_row
 from vehicle.camera.noise import draw_bias
-from vehicle.quadrotor import airframe_row, state_row
+from vehicle.quadrotor import airframe_row, command_row, state_row
 from vehicle.quadrotor.airframe import GRAVITY
 from vehicle.quadrotor.rate_control import settle_filters
 
@@ -50,7 +50,7 @@ def _draw_vehicle(rows, i, shared):
     share = uniform(rng, 0.0, 1.0) ** c[config_row.NOISE_POWER]
     state[episode_row.NOISE] = c[config_row.NOISE_LOW] + (c[config_row.NOISE_HIGH] - c[config_row.NOISE_LOW]) * share
     state[episode_row.ODOMETRY] = c[config_row.ODOMETRY] * uniform(rng, 0.0, 1.0)
-    draw_bias(shared.noise, state[episode_row.NOISE], rng, state[episode_row.BIAS : episode_row.BIAS + 7])
+    draw_bias(shared.noise, state[episode_row.NOISE], rng, state[episode_row.BIAS : episode_row.BIAS + bias_row.DIM])
     state[episode_row.DELAY] = round(
         uniform(rng, c[config_row.COMMAND_DELAY_LOW], c[config_row.COMMAND_DELAY_HIGH]) / TICK * c[config_row.SUBSTEPS]
     )
@@ -93,7 +93,7 @@ def _place(rows, i, shared, board, calm):
 
 @njit
 def _watch(rows, i, shared, steps):
-    """Hover for `steps` control steps and look, from step 0. True if the filter then knows the board."""
+    """Hover and perceive for `steps` control steps, from step 0. True if the belief is then valid."""
     state = rows.state[i]
     hover, drag = (
         GRAVITY / true_gain(rows, i, shared),
@@ -110,13 +110,13 @@ def _watch(rows, i, shared, steps):
 
 @njit
 def reset_row(rows, i, shared):
-    """Begin a new episode in row i and write its first observation."""
+    """Begin a new episode in row i of `rows` (Rows) and write its first observation. `shared` (Shared)."""
     c, rng, state = shared.config, rows.rng[i], rows.state[i]
     for k in range(episode_row.DIM):
         state[k] = 0.0
     _draw_vehicle(rows, i, shared)
     state[episode_row.SPEED], state[episode_row.FAMILY], state[episode_row.LAW] = motion_draw(rows.motion[i], c, rng)
-    rows.track[i, board_row.X] = rows.motion[i, rows.motion.shape[1] - 8 :]
+    rows.track[i, 0] = rows.motion[i, rows.motion.shape[1] - board_row.DIM :]
     state[episode_row.FILLED] = extend_track(rows.motion[i], rows.track[i], 0, 1, rng)
     vision = c[config_row.VISION] > 0.0
     for attempt in range(_TRIES):
@@ -130,7 +130,7 @@ def reset_row(rows, i, shared):
         if vision and look(rows, i, shared, rows.track[i, anchor]) == 0 and attempt < _TRIES - 1:
             continue
         state[episode_row.EXPOSURE], state[episode_row.BEGIN] = 0.0, steps
-        state[episode_row.RAW : episode_row.DIM] = 0.0  # what a failed try left under way
+        state[episode_row.RAW : episode_row.DIM] = 0.0  # left over from a failed try
         belief_reset(rows.belief[i])
         clear_history(rows.history[i])
         gain_reset(rows.gain[i], GRAVITY)
@@ -139,7 +139,7 @@ def reset_row(rows, i, shared):
     x = rows.scratch[i]
     command = x[scratch_row.COMMAND : scratch_row.COMMAND + 4]
     command[0] = command[1] = command[2] = 0.0
-    command[3] = GRAVITY / true_gain(rows, i, shared) if state[episode_row.BEGIN] > 0.0 else GRAVITY
+    command[command_row.THRUST] = GRAVITY / true_gain(rows, i, shared) if state[episode_row.BEGIN] > 0.0 else GRAVITY
     state[episode_row.COMMAND : episode_row.COMMAND + 4] = command
     state[episode_row.BEFORE : episode_row.BEFORE + 4] = command
     action_from_command(command, shared.limits, state[episode_row.ACTION : episode_row.ACTION + 4])

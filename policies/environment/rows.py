@@ -24,22 +24,22 @@ FUTURE_DIM = FUTURE * entry_row.DIM
 class Rows(NamedTuple):
     """Row i of every array is episode i. A snapshot of all of them is a snapshot of the environment."""
 
-    vehicle: np.ndarray  # (N, ND)
-    params: np.ndarray  # (N, NP)
-    order: np.ndarray  # (N, ORDER_DIM) what the vehicle is asked in this step
-    motion: np.ndarray  # (N, MOTION_DIM) where the board's motion stands, at the end of the track
+    vehicle: np.ndarray  # (N, state_row.DIM)
+    params: np.ndarray  # (N, airframe_row.DIM)
+    order: np.ndarray  # (N, order_row.DIM) commands of this step
+    motion: np.ndarray  # (N, MOTION_DIM) state of the board's motion at the end of the track
     track: np.ndarray  # (N, T, 8) true board rows, step by step since the reset, known to episode_row.FILLED
-    belief: np.ndarray  # (N, BELIEF_DIM)
+    belief: np.ndarray  # (N, belief_row.DIM)
     history: np.ndarray  # (N, history_dim)
-    camera: np.ndarray  # (N, CAM_DIM)
-    gain: np.ndarray  # (N, GAIN_DIM)
+    camera: np.ndarray  # (N, camera_row.DIM)
+    gain: np.ndarray  # (N, thrust_row.DIM)
     state: np.ndarray  # (N, episode_row.DIM)
     rng: np.ndarray  # (N, 1) uint64
-    believed: np.ndarray  # (N, 8) board row that the policy is shown
+    believed: np.ndarray  # (N, 8) board row that the policy receives
     scratch: np.ndarray  # (N, scratch_row.DIM)
-    result: np.ndarray  # (N, RESULT_DIM)
+    result: np.ndarray  # (N, result_row.DIM)
     ended: np.ndarray  # (N, ended_row.DIM) of the last episode that ended in this row
-    terms: np.ndarray  # (N, TERMS_DIM)
+    terms: np.ndarray  # (N, terms_row.DIM)
     observation: np.ndarray  # (N, OBS_DIM) float32
     future: np.ndarray  # (N, FUTURE_DIM) float32
     reward: np.ndarray  # (N,)
@@ -61,7 +61,7 @@ class Shared(NamedTuple):
 
 
 def track_length(config: EnvConfig) -> int:
-    """Steps of track an episode can need: hovering start, the episode, and the future beyond its end."""
+    """Largest number of track steps of an episode: hovering start, the episode, and the future beyond its end."""
     hover = math.ceil(config.warm_time[1] / TICK) if config.warm > 0.0 else 0
     return hover + config.limit + max(config.horizon, FUTURE * config.future_stride) + 2
 

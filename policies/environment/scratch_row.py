@@ -1,6 +1,6 @@
-"""Indices of a row's scratch, (DIM,). Odometry stays from one observation to the next; the rest only within a step."""
+"""Indices of a scratch row, (DIM,). Odometry is kept from one observation to the next, the rest within a step only."""
 
-OBSERVED = 0  # 10, observed board with its sigmas (vehicle/camera/noise.py)
+OBSERVED = 0  # 10, observed board with its sigmas (vehicle.camera.detection_row)
 Z, R = 10, 15  # 5 each, measurement for the filter and its variances
 COMMAND = 20  # 4, command of this step, rad/s FLU and m/s^2
 BOARD = 24  # 8, true board now

@@ -2,8 +2,8 @@
 
 Order within a step: guidance, if it is switched on, corrects the action; what is then flown reaches the rate loop after
 its transport delay; 10 ms of physics, contact and the paper's Algorithm 1, perception, reward, observation. Reward and
-observation are told of the action that was flown. Nothing here knows of any other row, so rows run in parallel and give
-the same numbers whatever the number of threads.
+observation receive the action that was flown. A row depends on no other row, so rows run in parallel, and the numbers
+do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from vehicle.quadrotor.batch import LANES, fly_block
 
 @njit
 def _guide(rows, i, shared, command):
-    """Guidance on `command` (4,), by what the policy of row i was shown. True if a law changed it."""
+    """Guidance on `command` (4,), from what the policy of row i received. True if a law changed it."""
     p, v, q = shown_odometry(rows.scratch[i])
     gain, drag = own_gain(rows, i, shared)
     sigma, previous = own_sigma(rows, i, shared), rows.state[i, episode_row.COMMAND : episode_row.COMMAND + 4]
@@ -41,7 +41,7 @@ def _guide(rows, i, shared, command):
 
 @njit
 def _order(rows, i, shared, action):
-    """What the vehicle of row i is asked in this step: the commands asked before act until the new one arrives."""
+    """Fill the order row of row i for this step: the commands before act until the new one arrives."""
     state, command, order = rows.state[i], rows.scratch[i, scratch_row.COMMAND : scratch_row.COMMAND + 4], rows.order[i]
     flown = rows.scratch[i, scratch_row.FLOWN : scratch_row.FLOWN + 4]
     for k in range(4):
@@ -88,7 +88,7 @@ def _follow(rows, i, shared):
     state[episode_row.FILLED] = extend_track(
         rows.motion[i], rows.track[i], int(state[episode_row.FILLED]), step, rows.rng[i]
     )
-    board = x[scratch_row.BOARD : scratch_row.BOARD + 8]
+    board = x[scratch_row.BOARD : scratch_row.BOARD + board_row.DIM]
     board[:] = rows.track[i, step]
     elapsed = (state[episode_row.STEP] - state[episode_row.BEGIN]) * TICK
     p, v, q, w = (
@@ -122,7 +122,7 @@ def _follow(rows, i, shared):
 
 @njit
 def _close(rows, i, board):
-    """Keep what is to be known of the episode that ends."""
+    """Store the results of the episode that ends in the row's `ended`."""
     state, ended = rows.state[i], rows.ended[i]
     steps = state[episode_row.STEP] - state[episode_row.BEGIN]
     ended[: result_row.DIM] = rows.result[i]

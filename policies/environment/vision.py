@@ -1,4 +1,4 @@
-"""What the camera makes of the truth in training: exposure, visibility gate, noise, latency, filter."""
+"""The model camera and the belief in training: exposure, visibility test, noise, latency, filter."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from kernel.jit import njit
 from kernel.random import uniform
 from policies.environment import config_row, episode_row, scratch_row
 from policies.environment.config import TICK
+from policies.estimation import measured_row
 from policies.estimation.board_ekf import belief_predict, belief_update, measurement_from_pose
 from policies.estimation.ctrv import wrap
+from vehicle.camera import bias_row, detection_row
 from vehicle.camera.noise import ODOMETRY_SIGMA, POINTING_SIGMA, observe_board
 from vehicle.camera.pinhole import board_row_visibility, optical_axis
 from vehicle.quadrotor import state_row
@@ -21,7 +23,7 @@ _JITTER = 0.003  # s, half-width of the detector's latency within an episode
 
 @njit
 def look(rows, i, shared, board):
-    """Note whether the board is in view now."""
+    """Store and return whether the board is visible now (1 or 0). `board` (8,): the true board row."""
     vehicle = rows.vehicle[i]
     seen = board_row_visibility(
         vehicle[state_row.P : state_row.P + 3], vehicle[state_row.Q : state_row.Q + 4], board, rows.camera[i]
@@ -32,7 +34,10 @@ def look(rows, i, shared, board):
 
 @njit
 def expose(rows, i, shared, board, now, latency):
-    """Take a picture if one is due; a board in view joins the queue of detections, to arrive after `latency`."""
+    """Expose a picture if one is due at `now` (s); a visible board gives a detection that arrives `latency` s later.
+
+    `board` (8,): the true board row.
+    """
     state, vehicle, x = rows.state[i], rows.vehicle[i], rows.scratch[i]
     if now < state[episode_row.EXPOSURE] - 1e-9:
         return
@@ -40,7 +45,7 @@ def expose(rows, i, shared, board, now, latency):
     if state[episode_row.VISIBLE] == 0.0 or state[episode_row.PENDING] >= episode_row.QUEUE_LENGTH:
         return
     observed, q, v = (
-        x[scratch_row.OBSERVED : scratch_row.OBSERVED + 10],
+        x[scratch_row.OBSERVED : scratch_row.OBSERVED + detection_row.DIM],
         x[scratch_row.Q : scratch_row.Q + 4],
         x[scratch_row.V : scratch_row.V + 3],
     )
@@ -50,19 +55,20 @@ def expose(rows, i, shared, board, now, latency):
         vehicle[state_row.P : state_row.P + 3],
         vehicle[state_row.Q : state_row.Q + 4],
         vehicle[state_row.V : state_row.V + 3],
-        board[0:3],
+        board[board_row.X : board_row.Z + 1],
         q,
         v,
         rows.camera[i],
         shared.noise,
         state[episode_row.NOISE],
-        state[episode_row.BIAS : episode_row.BIAS + 7],
+        state[episode_row.BIAS : episode_row.BIAS + bias_row.DIM],
         rows.rng[i],
         observed,
     )
     sigma = x[scratch_row.SIGMA : scratch_row.SIGMA + 3]
     axis = optical_axis(vehicle[state_row.Q : state_row.Q + 4], rows.camera[i])
-    lateral, depth = observed[7] * observed[7], observed[8] * observed[8]
+    across, along = observed[detection_row.SIGMA_LATERAL], observed[detection_row.SIGMA_DEPTH]
+    lateral, depth = across * across, along * along
     dx, dy, dz = (
         board[board_row.X] - vehicle[state_row.P],
         board[board_row.Y] - vehicle[state_row.P + 1],
@@ -71,9 +77,12 @@ def expose(rows, i, shared, board, now, latency):
     floor = ODOMETRY_SIGMA**2 + POINTING_SIGMA**2 * (dx * dx + dy * dy + dz * dz)
     for k in range(3):
         sigma[k] = math.sqrt(lateral + (depth - lateral) * axis[k] * axis[k] + floor)
-    turned = math.hypot(observed[9], POINTING_SIGMA)
-    z, r = x[scratch_row.Z : scratch_row.Z + 5], x[scratch_row.R : scratch_row.R + 5]
-    if not measurement_from_pose(observed[0:3], observed[3:7], sigma, turned, z, r):
+    turned = math.hypot(observed[detection_row.SIGMA_ROTATION], POINTING_SIGMA)
+    z = x[scratch_row.Z : scratch_row.Z + measured_row.DIM]
+    r = x[scratch_row.R : scratch_row.R + measured_row.DIM]
+    position = observed[detection_row.P : detection_row.P + 3]
+    orientation = observed[detection_row.Q : detection_row.Q + 4]
+    if not measurement_from_pose(position, orientation, sigma, turned, z, r):
         return
     slot = episode_row.QUEUE + int(state[episode_row.PENDING]) * episode_row.SLOT
     state[slot], state[slot + 1] = now + latency, now
@@ -84,7 +93,7 @@ def expose(rows, i, shared, board, now, latency):
 
 @njit
 def deliver(rows, i, shared, now):
-    """Feed the filter every detection that has arrived by `now`."""
+    """Update the filter with every detection that has arrived by `now` (s)."""
     state = rows.state[i]
     while state[episode_row.PENDING] > 0.0 and state[episode_row.QUEUE] <= now + 1e-9:
         z, r = (
@@ -103,15 +112,24 @@ def deliver(rows, i, shared, now):
 
 @njit
 def raw_estimate(state, out):
-    """The paper's ablation without input augmentation: last pose as it is, velocity from the last two poses."""
-    new, old = episode_row.RAW, episode_row.RAW + 6
-    dt = state[new + 5] - state[old + 5]
-    out[0], out[1], out[2], out[3], out[6] = state[new], state[new + 1], state[new + 2], state[new + 3], state[new + 4]
-    out[4] = out[5] = out[7] = 0.0
-    if dt > 0.0 and state[old + 2] != 0.0:
-        dx, dy = state[new] - state[old], state[new + 1] - state[old + 1]
-        out[4] = (dx * math.cos(out[3]) + dy * math.sin(out[3])) / dt
-        out[5] = wrap(state[new + 3] - state[old + 3]) / dt
+    """The paper's ablation without input augmentation: the last pose as it is, velocity from the last two poses.
+
+    `state` (episode_row.DIM,); `out` (8,): the board row that is filled.
+    """
+    new, old = episode_row.RAW, episode_row.RAW + measured_row.DIM + 1
+    dt = state[new + measured_row.DIM] - state[old + measured_row.DIM]
+    heading = state[new + measured_row.HEADING]
+    out[board_row.X] = state[new + measured_row.X]
+    out[board_row.Y] = state[new + measured_row.Y]
+    out[board_row.Z] = state[new + measured_row.Z]
+    out[board_row.HEADING] = heading
+    out[board_row.INCLINATION] = state[new + measured_row.INCLINATION]
+    out[board_row.SPEED] = out[board_row.TURN_RATE] = out[board_row.U] = 0.0
+    if dt > 0.0 and state[old + measured_row.Z] != 0.0:
+        dx = state[new + measured_row.X] - state[old + measured_row.X]
+        dy = state[new + measured_row.Y] - state[old + measured_row.Y]
+        out[board_row.SPEED] = (dx * math.cos(heading) + dy * math.sin(heading)) / dt
+        out[board_row.TURN_RATE] = wrap(heading - state[old + measured_row.HEADING]) / dt
 
 
 @njit
@@ -124,7 +142,9 @@ def see(rows, i, shared, board, latency):
     deliver(rows, i, shared, now)
     believed = rows.believed[i]
     rho = belief_predict(rows.belief[i], now, shared.belief, believed)
-    dx, dy, dz = believed[0] - board[board_row.X], believed[1] - board[board_row.Y], believed[2] - board[board_row.Z]
+    dx = believed[board_row.X] - board[board_row.X]
+    dy = believed[board_row.Y] - board[board_row.Y]
+    dz = believed[board_row.Z] - board[board_row.Z]
     state[episode_row.ERROR] = math.sqrt(dx * dx + dy * dy + dz * dz)
     if shared.config[config_row.AUGMENTATION] == 0.0:
         raw_estimate(state, believed)

@@ -1,6 +1,6 @@
-"""Indices of the belief's state, (DIM,): a board row whose last number is the acceleration, then the heading bias.
+"""Indices of the belief's state, (DIM,): a board row with the acceleration in place of U, then the heading bias.
 
-What is predicted for others leaves the bias out: (PREDICTED_DIM,).
+A prediction that leaves the filter has no heading bias: (PREDICTED_DIM,).
 """
 
 from groundcar.motion.board_row import HEADING, INCLINATION, SPEED, TURN_RATE, X, Y, Z

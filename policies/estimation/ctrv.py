@@ -1,4 +1,4 @@
-"""How the belief expects the board to move: CTRV with a decaying forward acceleration, and the filter's parameters."""
+"""The belief's motion model, CTRV with a decaying forward acceleration, and the filter's parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The vehicle's estimate of itself, brought from its stamp to now: it is a control tick old when a policy reads it.
+"""The vehicle's own estimate, predicted from its stamp to now: it is a control tick old when a policy reads it.
 
 In a flare the vehicle brakes at 10 m/s^2 and turns at 3 rad/s: 10 ms are 0.1 m/s and 2 deg. A plan that starts with
 that error ends centimetres behind a moving board.

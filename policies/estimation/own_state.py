@@ -1,4 +1,4 @@
-"""What a vehicle knows of itself at a control tick: its odometry brought to now, its thrust gain and its drag."""
+"""The vehicle's own estimate at a control tick: its odometry predicted to now, its thrust gain and its drag."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from policies.estimation.thrust_drag import gain_reset, gain_update
 from policies.task.interface import VehicleView
 from vehicle.quadrotor.airframe import GRAVITY, Airframe
 
-WAIT = 0.01  # s from a command to the motors hearing it
+WAIT = 0.01  # s from a command to its arrival at the motors
 
 
 class OwnState:
-    """Odometry now and the estimates of thrust gain and drag, from odometry and the commands flown.
+    """The predicted odometry and the estimates of thrust gain and drag, from odometry and the commands flown.
 
     `position` m, `velocity` m/s (3,) world and `orientation` (4,) world from body: views, overwritten by `update`.
     `gain`: achieved over asked thrust; `drag` 1/s.
@@ -28,7 +28,7 @@ class OwnState:
         self.reset(0)
 
     def reset(self, now_ns: int) -> None:
-        """Forget what was found; `now_ns` starts the clock."""
+        """Forget the estimates; `now_ns` starts the clock."""
         gain_reset(self._row, GRAVITY)
         self._last_ns = now_ns
 

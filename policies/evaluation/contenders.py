@@ -1,4 +1,4 @@
-"""All that can be evaluated, by name: networks, planners, the expert on privileged information, Fast-Perching."""
+"""What can be evaluated, by name: networks, planners, the expert on privileged information, Fast-Perching."""
 
 from __future__ import annotations
 
@@ -71,9 +71,11 @@ class Contender:
 
 
 def open_contender(name: str) -> Contender:
-    """`vision` and `state` (the networks that come with the project), `planner` (it predicts by a network),
-    `planner-analytic`, `expert` (on privileged information), `fast-perching` (which predicts the board straight on),
-    `fast-perching-ctrv` (or to keep its turn rate), or an ONNX file's path.
+    """The contender called `name`, or that of an ONNX file's path.
+
+    Names: `vision` and `state` (the networks that come with the project), `planner` (it predicts by a network),
+    `planner-analytic`, `expert` (on privileged information), `fast-perching` (it predicts that the board drives
+    straight on), `fast-perching-ctrv` (it predicts that the board keeps its turn rate).
 
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
     """

@@ -1,7 +1,7 @@
 """How well a policy perches, measured in the training environment: the paper's operating points and the distributions.
 
 Every row of the environment contributes the same number of episodes, its first ones, so that quick ends are not counted
-more often than slow ones. What is evaluated on is kept out of what is learnt and tuned on: see `evaluation_seed`.
+more often than slow ones. Evaluation uses other seeds than training and tuning: see `evaluation_seed`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vehicle.camera.noise import measured_noise, paper_noise
 Policy = Callable[[Env], np.ndarray]
 """Environment in, actions ((N, 4) in [-1, 1]) out; called once a step."""
 Watch = Callable[[float], None]
-"""Told the share of the work that is done, 0 to 1."""
+"""Called with the share of the work that is done, 0 to 1."""
 
 NOISES = {"paper": paper_noise, "measured": measured_noise}
 """Noise of the simulated detector: the paper's table, or what this project's renderer and detector show."""
@@ -37,7 +37,7 @@ def evaluation_seed(seed: int) -> int:
     """The environment's seed for evaluation `seed` (0, 1, ...).
 
     Training draws from seeds below 2**40 (1000 times its own seed, plus the process), tuning from small ones; these
-    lie above, so that nothing a policy is judged on was ever learnt or tuned on.
+    lie above, so that no policy is evaluated on episodes of its training or tuning.
     """
     if not 0 <= seed < _FIRST_SEED:
         raise ValueError(f"seed {seed}: give one from 0 to {_FIRST_SEED - 1}")
@@ -91,7 +91,7 @@ class Row:
 def run_episodes(
     policy: Policy, config: EnvConfig, each: int = 1, noise: str = "paper", watch: Watch | None = None
 ) -> np.ndarray:
-    """The first `each` episodes of every row, as ended rows ((count * each, ENDED_DIM)). `noise`: one of NOISES."""
+    """The first `each` episodes of every row, as ended rows ((count * each, ended_row.DIM)). `noise`: one of NOISES."""
     env = Env(config)
     env.shared = env.shared._replace(noise=NOISES[noise]())
     env.reset()

@@ -1,7 +1,7 @@
-"""What an ONNX policy promises about itself, carried in the file's metadata, and the check before it may fly.
+"""The contract of an ONNX policy, which the file's metadata carry, and its check before the flight.
 
-A policy trained on another observation layout, action scaling, airframe or camera produces plausible numbers and a
-strange flight; a mismatch must therefore be one clear error before take-off.
+A policy trained on another observation layout, action scaling, airframe or camera gives plausible numbers and flies
+badly; a mismatch must therefore be one clear error before take-off.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ class ActionContract(_Part):
 
     @classmethod
     def of(cls, airframe: Airframe) -> ActionContract:
-        """What the airframe lets be asked."""
+        """The command limits of `airframe`."""
         low, high = airframe.command.thrust
         return cls(thrust_min=low, thrust_max=high, rate_max=airframe.command.body_rate)
 
 
 class VehicleContract(_Part):
-    """What of the vehicle decides on a contact: the contact disc under the centre of mass, m, and the lags of thrust
-    and body rate, s."""
+    """The vehicle's properties that decide on a contact: the contact disc under the centre of mass, m, and the lags of
+    thrust and body rate, s."""
 
     disc_below: float
     disc_radius: float
@@ -63,7 +63,7 @@ class VehicleContract(_Part):
 
     @classmethod
     def of(cls, airframe: Airframe) -> VehicleContract:
-        """The airframe's."""
+        """The values of `airframe`."""
         disc, lags = airframe.contact, (airframe.motors.lag, airframe.command.rate_lag)
         return cls(
             disc_below=disc.magnet_below, disc_radius=disc.footprint_radius, thrust_lag=lags[0], rate_lag=lags[1]
@@ -108,7 +108,7 @@ class Contract(_Part):
     """Everything a flight must agree with.
 
     Normalisation (x - shift) / scale is applied inside the graph: one number for each entry of a history element, then
-    for each of the tail; listed here so that a reader can tell a unit from a bug.
+    for each of the tail; listed here so that the units can be checked.
     """
 
     format: Literal[1] = CONTRACT_FORMAT

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
+from groundcar.motion import board_row
 from policies.estimation.own_state import OwnState
 from policies.guidance.guide import NOT_FINITE, guide
 from policies.guidance.params import GuidanceParams
 from policies.task.interface import BoardView, Command, FlyingPolicy, VehicleView
+from vehicle.quadrotor import command_row
 from vehicle.quadrotor.airframe import GRAVITY, Airframe
 
 
 class GuidedPolicy:
     """Any flying policy with the laws of `policies/guidance/guide.py` on its commands, once it is engaged.
 
-    Guidance has its own estimate of the vehicle, so that it depends on nothing of the policy but the command. A policy
-    is told by its `flown` what became of its last command if guidance changed it.
+    Guidance has its own estimate of the vehicle, so that it depends only on the policy's command. If guidance has
+    changed the last command, the policy receives the changed one by its method `flown`.
     """
 
     def __init__(self, policy: FlyingPolicy, airframe: Airframe, params: GuidanceParams | None = None) -> None:
         """`params`: those of the airframe by default."""
         self._policy, self._own = policy, OwnState(airframe)
         self._row = (params or GuidanceParams.of(airframe)).row()
-        self._flown, self._command, self._board = np.zeros(4), np.zeros(4), np.zeros(8)
+        self._flown, self._command, self._board = (
+            np.zeros(command_row.DIM),
+            np.zeros(command_row.DIM),
+            np.zeros(board_row.DIM),
+        )
         self.reset(0)
 
     def reset(self, now_ns: int) -> None:
@@ -35,11 +41,11 @@ class GuidedPolicy:
         """The policy's command, guided; with what the policy asked. Raises what the policy raises."""
         asked = self._policy.step(now_ns, vehicle, board)
         own, command = self._own, self._command
-        own.update(now_ns, vehicle, self._flown[3])
-        command[:3], command[3] = asked.body_rate, asked.thrust
+        own.update(now_ns, vehicle, self._flown[command_row.THRUST])
+        command[: command_row.THRUST], command[command_row.THRUST] = asked.body_rate, asked.thrust
         laws = 0
         if asked.engaged:
-            self._board[:7] = *board.position, board.heading, board.speed, board.turn_rate, board.inclination
+            self._board[: board_row.U] = *board.position, board.heading, board.speed, board.turn_rate, board.inclination
             laws = guide(
                 command, own.position, own.velocity, own.orientation, self._board, board.surface_sigma, self._flown,
                 own.gain, own.drag, self._row,
@@ -53,6 +59,6 @@ class GuidedPolicy:
         return guided._replace(body_rate=(roll, pitch, yaw), thrust=thrust)
 
     def flown(self, body_rate: tuple[float, float, float], thrust: float) -> None:
-        """Pass on what became of the last command."""
-        self._flown[:3], self._flown[3] = body_rate, thrust
+        """Pass the command that was flown (rad/s FLU, m/s^2) on to the policy."""
+        self._flown[: command_row.THRUST], self._flown[command_row.THRUST] = body_rate, thrust
         self._policy.flown(body_rate, thrust)

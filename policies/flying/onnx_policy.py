@@ -10,6 +10,7 @@ from policies.estimation.own_state import OwnState
 from policies.flying.contract import check_contract, open_policy
 from policies.task.interface import BoardView, Command, Vec3, VehicleView
 from policies.task.observation import ObservationBuilder, action_from_command, command_from_action
+from vehicle.quadrotor import command_row
 from vehicle.quadrotor.airframe import GRAVITY, Airframe
 
 
@@ -23,7 +24,7 @@ class OnnxPolicy:
         self._input = self._session.get_inputs()[0].name
         self._builder = ObservationBuilder(self.contract.observation.stride)
         self._own, self._limits = OwnState(airframe), airframe.limits_row()
-        self._action, self._command = np.zeros(4), np.zeros(4)
+        self._action, self._command = np.zeros(command_row.DIM), np.zeros(command_row.DIM)
         self.reset(0)
 
     def reset(self, now_ns: int) -> None:
@@ -40,7 +41,7 @@ class OnnxPolicy:
         Raises ValueError if the vehicle's estimate is not finite.
         """
         own = self._own
-        own.update(now_ns, vehicle, self._command[3])
+        own.update(now_ns, vehicle, self._command[command_row.THRUST])
         between, self._odometry_ns = vehicle.stamp_ns == self._odometry_ns, vehicle.stamp_ns
         self._engaged = self._engaged or board.valid
         if not self._engaged:
@@ -60,6 +61,6 @@ class OnnxPolicy:
         return Command(True, (p, q, r), thrust, "network", float(own.gain))
 
     def flown(self, body_rate: Vec3, thrust: float) -> None:
-        """What guidance made of the last command: the next observation's previous action."""
-        self._command[:3], self._command[3] = body_rate, thrust
+        """Receive the command that was flown (rad/s FLU, m/s^2): the next observation's previous action."""
+        self._command[: command_row.THRUST], self._command[command_row.THRUST] = body_rate, thrust
         action_from_command(self._command, self._limits, self._action)

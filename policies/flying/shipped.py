@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-SHIPPED = ("vision", "state")  # made for a camera's belief; made to be told where the board is
+SHIPPED = ("vision", "state")  # for the belief from a camera; for the board's pose from motion capture
 PLANNERS = ("planner", "planner-analytic")  # it predicts the board by a network; by equations
 FLYABLE = (*SHIPPED, *PLANNERS)
 _FOLDER = Path(__file__).parents[1] / "checkpoints"

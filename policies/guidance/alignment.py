@@ -31,7 +31,7 @@ def lean_now(board, sigma, g):
 
 @njit
 def wanted_axis(board, left, lean, g):
-    """Where body z is wanted in `left` s (3 floats, not normalised): on the normal of then, but for lean and bank.
+    """Where body z is wanted in `left` s (3 floats, not normalised): on the predicted normal, except for lean and bank.
 
     `board` (8,) the board now; `lean` rad up a vertical slope, less up others; `g` (gp.COUNT,) parameters.
     """

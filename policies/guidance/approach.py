@@ -1,4 +1,4 @@
-"""How the vehicle approaches the board: the quantities that the conditions of the laws of guidance are about."""
+"""The approach to the board: the quantities in the conditions of the laws of guidance."""
 
 from __future__ import annotations
 

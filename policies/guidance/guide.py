@@ -20,7 +20,7 @@ The yaw rate is never changed. A number that is not finite, in any input or in t
 it was asked, and the flag NOT_FINITE says so: the safety gate comes after guidance and judges such a command.
 
 "Previous command" is what was flown last, guided if it was guided. The same command drives the estimate of the thrust
-gain, and it is the previous action of the next observation: a policy sees what its vehicle was told, in flight
+gain, and it is the previous action of the next observation: a policy receives the command that was flown, in flight
 (`policies/flying/guided.py`) as in training (`policies/environment/step.py`).
 """
 

@@ -15,6 +15,7 @@ from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.guidance import params as gp
 from policies.guidance.approach import approach
+from vehicle.quadrotor import command_row
 from vehicle.quadrotor.airframe import GRAVITY
 
 _LEAST_GAIN = 0.3  # a smaller thrust gain is taken to be this
@@ -42,7 +43,7 @@ def limit_impact(p, v, q, board, sigma, previous, gain, drag, g, out):
     # Acceleration without thrust, and its part along the normal.
     ax, ay, az = -drag * v[0], -drag * v[1], -GRAVITY - drag * v[2]
     pull = nx * ax + ny * ay + nz * az
-    lift, asked = 0.5 * (1.0 + cosine), min(high, max(low, out[3]))
+    lift, asked = 0.5 * (1.0 + cosine), min(high, max(low, out[command_row.THRUST]))
     # Speed along the board at contact if the thrust asked acts until then.
     push = gain * asked
     sx = v[0] - board[board_row.SPEED] * math.cos(board[board_row.HEADING]) + left * (push * zx + ax)
@@ -56,11 +57,11 @@ def limit_impact(p, v, q, board, sigma, previous, gain, drag, g, out):
     share = min(1.0, max(0.0, share)) * min(1.0, max(0.0, known))
     # Work that thrust has to do, less what the previous thrust does while the motors lag.
     way, lagging = height + g[gp.IMPACT_MARGIN], g[gp.THRUST_LAG] * closing
-    given = gain * min(high, max(low, previous[3]))
+    given = gain * min(high, max(low, previous[command_row.THRUST]))
     work = 0.5 * (closing * closing - into * into) - pull * way - lift * given * lagging
     needed = work / (lift * max(g[gp.IMPACT_SHORTEST], way - lagging)) / max(_LEAST_GAIN, gain)
     raised = share * (min(high, max(low, needed)) - asked)
     if raised <= 0.0:
         return False
-    out[3] = asked + raised
+    out[command_row.THRUST] = asked + raised
     return True

@@ -1,4 +1,4 @@
-"""What can be set about guidance: a checked dataclass, the row that kernels take, and the names of its columns.
+"""Guidance's parameters: a checked dataclass, their row for kernels, and the indices of that row.
 
 Used as a namespace: `from policies.guidance import params as gp`, then `row[gp.RADIUS]`.
 """

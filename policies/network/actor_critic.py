@@ -1,8 +1,8 @@
 """The networks of PerchRL: a TCN over the history, an MLP head; a critic that also sees the board's future.
 
 Convolutions whose kernel equals their stride (5, 2, 3 over 30 entries) are matrix products over reshaped input, which
-costs half of overlapping ones on a CPU and leaves nothing but Gemm in the exported file. The newest entry also skips
-to the MLP: what matters in the last half second should not have to pass three layers.
+costs half of overlapping ones on a CPU and leaves nothing but Gemm in the exported file. The newest entry is also
+given to the MLP directly, because it decides the last half second.
 
 `geometry`: a handful of products of the newest entry (offset along and across the normal, closing velocity, body axis
 against normal) that an MLP of this size approximates poorly near contact. They are functions of the paper's inputs.
@@ -20,7 +20,7 @@ from policies.task.observation import HISTORY, NEWEST, TAIL, USUAL_DRAG
 from policies.task.symmetry import ACTION_SIGNS, OBSERVATION_SIGNS
 
 FUTURE = 15  # N of the paper
-FORESEEN = (2, 5, 9, 14)  # which of them the trunk is asked to foretell while it imitates
+FORESEEN = (2, 5, 9, 14)  # which of them the trunk predicts during imitation
 GEOMETRY_DIM = 17
 # Divisors by entry of [p_rel, normal, vx, vy, turn rate, t] and of [v, R, rho, action, gain, drag, sigma].
 ENTRY_SCALE = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 0.5)
@@ -33,7 +33,7 @@ class NetworkConfig:
     """Architecture and the paper's ablations. `temporal` False is PerchRL w/o TA: no TCN, no future for the critic.
 
     `symmetric`: reflection symmetry. The actor evaluates its observation and the reflected observation in one batch and
-    answers the mean of both actions, the second reflected back: left and right are the same to it.
+    answers the mean of both actions, the second reflected back: left and right are treated alike.
     """
 
     temporal: bool = True
@@ -170,7 +170,8 @@ class Actor(nn.Module):
         return (self.head(self.trunk(both)).reshape(-1, 2, 4) * self.reflected_back).sum(1)
 
     def with_foresight(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """For imitation: the action without the reflection, and where the board will be (B, 2 * len(FORESEEN)), m."""
+        """For imitation: the action (B, 4) without the reflection, and the board's future horizontal positions
+        (B, 2 * len(FORESEEN)), m, in the vehicle's yaw frame."""
         features = self.trunk(observation)
         return self.head(features), self.foresight(features)
 

@@ -75,8 +75,8 @@ def export(actor: Actor, contract: Contract, path: str | Path, observations: np.
 def compare(flight: FlightActor, path: Path, observations: np.ndarray | None = None) -> float:
     """Largest difference of action between torch and the ONNX file on `observations`, as `export` takes them.
 
-    Random ones are of physical size, but no board jumps about like that: a well trained network differs by ten times as
-    much on them.
+    Random ones are of physical size, but their histories are no motion of a board: a well trained network differs by
+    ten times as much on them.
     """
     session, _ = open_policy(path)
     if observations is None:
@@ -91,8 +91,8 @@ def compare(flight: FlightActor, path: Path, observations: np.ndarray | None = N
 def import_actor(path: Path) -> tuple[Actor, Contract]:
     """The actor of a policy that `export` wrote, and its contract.
 
-    What only training used is not in the file: the head that foretells the board, and the exploration noise, begin
-    anew, from the same numbers each time, so that a training run is repeated by its seed.
+    What only training used is not in the file: the head that predicts the board, and the exploration noise, are
+    initialised anew, with the same numbers each time, so that a training run is repeated by its seed.
 
     Raises ContractError for a file that could not be flown, or whose network this version cannot build.
     """

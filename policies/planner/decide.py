@@ -17,7 +17,7 @@ from vehicle.quadrotor.airframe import GRAVITY
 
 _NO_RETURN = 0.6  # s before contact, after which a perch is not given up
 _TILTED = math.radians(30.0)  # from this inclination on a board is not flat
-_WAVER = math.radians(3.0)  # a board that much steeper than the glide's limit is not so by noise
+_WAVER = math.radians(3.0)  # margin over the glide's limit before a glide ends, so that noise does not end it
 _MANY, _FEW = 22, 10  # durations searched to begin a plan and to renew one
 
 
@@ -48,8 +48,11 @@ def _plan(state, t, p, v, q, future, step, shortest, longest, durations, remaini
         state[state_row.BEST : state_row.BEST + MOTION_DIM],
         state[state_row.TRY : state_row.TRY + MOTION_DIM],
     )
-    start, board = state[state_row.START : state_row.START + 9], state[state_row.BOARD : state_row.BOARD + 8]
-    target = state[state_row.TARGET : state_row.TARGET + 8]
+    start, board = (
+        state[state_row.START : state_row.START + 9],
+        state[state_row.BOARD : state_row.BOARD + board_row.DIM],
+    )
+    target = state[state_row.TARGET : state_row.TARGET + board_row.DIM]
     gain = state[state_row.GAIN + thrust_row.GAIN]
     cost, duration, thrust = search(
         start, future, step, 0.0, gain, shortest, longest, durations, remaining, params, best, scratch, target, board
@@ -99,7 +102,7 @@ def leave(state, t, params):
 
 @njit
 def decide(state, t, p, v, q, board, estimate, future, step, params):
-    """Move between the phases; plans when due."""
+    """Change the phase where its conditions hold, and plan when due. Arguments as of `planner.planner_step`."""
     phase = state[state_row.PHASE]
     if phase == phases.HOLD and estimate[estimate_row.VALID] > 0.0:
         phase = phases.FOLLOW

@@ -1,4 +1,4 @@
-"""What the planner asks about the board that it is given: filling an estimate row."""
+"""How well the board is known, for the planner: filling an estimate row (estimate_row.DIM,)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def certain(estimate):
 
 @njit
 def estimate_from_belief(row, t, params, x, p, estimate):
-    """Fill `estimate` from a belief row at time `t`; `x` (8,) gets the state there, `p` (N * N,) its covariance."""
+    """Fill `estimate` from a belief row at time `t`; `x` (8,) gets the state there, `p` (81,) its covariance."""
     belief_covariance(row, t, params, x, p)
     estimate[estimate_row.VALID] = 1.0 if belief_valid(row, t, params) else 0.0
     estimate[estimate_row.SIGMA] = math.sqrt(max(0.0, 0.5 * (p[0] + p[belief_state.DIM + 1])))

@@ -1,4 +1,4 @@
-"""How well the board is known to the planner, as one row (DIM,)."""
+"""Indices of an estimate row, (DIM,): how well the board is known to the planner."""
 
 from __future__ import annotations
 

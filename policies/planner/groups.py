@@ -13,7 +13,7 @@ from policies.estimation.ctrv import BeliefParams
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What the airframe and the range of its commands say. Filled by `policy.planner_params`, so without defaults."""
+    """The airframe's properties and command limits. `policy.planner_params` fills them in, so there are no defaults."""
 
     drag: float  # 1/s, linear drag over mass, expected until the flight shows another
     thrust_min: float  # m/s^2, least collective thrust that may be commanded

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from kernel.jit import njit
+from policies.estimation import belief_state
 from policies.planner import estimate_row, state_row
 from policies.planner import params_row as pp
 from policies.planner.decide import planner_due
@@ -16,15 +17,15 @@ from policies.prediction.learned import predict_learned, predictor_push
 from policies.prediction.speed_history import HISTORY_DIM, fit_oscillation, history_push
 
 MEMORY_DIM = _COAST + coast_row.DIM
-_FRESH = 0.25  # s, age of a belief whose speed is still worth remembering
+_FRESH = 0.25  # s, age up to which a belief's speed enters the speed history
 
 
 @njit
 def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, params, net, scratch, out):
     """`planner_on_estimate` with the learned predictor; returns the phase.
 
-    Beyond its arguments: `memory` (MEMORY_DIM,), zeroed with the planner; `net` (`learned.NET_DIM`,) float32, empty for
-    the analytic prediction alone; `scratch` (`learned.SCRATCH_DIM`,) float32.
+    Beyond its arguments: `memory` (MEMORY_DIM,), zeroed with the planner; `net` (net_row.DIM,) float32, empty for the
+    analytic prediction alone; `scratch` (policies.prediction.scratch_row.DIM,) float32.
     """
     limits = params[pp.COUNT :] if runs_up(x, params) else params
     history, fit, coast = (
@@ -36,7 +37,7 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
     if estimate[estimate_row.VALID] > 0.0:
         predictor_push(memory[:_COAST], t, x, age)
         if age < _FRESH:
-            history_push(history, t, x[4])
+            history_push(history, t, x[belief_state.SPEED])
     tau, due = limits[pp.prediction.acceleration_tau], planner_due(state, t)
     if due:
         fit_oscillation(history, tau, fit)
@@ -47,14 +48,14 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
             coast_future(coast, t, step, future)
     else:
         fit[oscillation_row.SINCE] = t - history[speeds_row.TIME]
-        east, north, speed = x[0], x[1], x[4]
+        east, north, speed = x[belief_state.X], x[belief_state.Y], x[belief_state.SPEED]
         carry_oscillation(x, fit, age, limits[pp.prediction.filter_tau])
         if due:
             predict_oscillation(x, fit, tau, step, future)
             if learned:
                 # The network was trained on the filter's own belief, and corrects that belief's lag by itself.
-                carried_east, carried_north, carried = x[0], x[1], x[4]
-                x[0], x[1], x[4] = east, north, speed
+                carried_east, carried_north, carried = x[belief_state.X], x[belief_state.Y], x[belief_state.SPEED]
+                x[belief_state.X], x[belief_state.Y], x[belief_state.SPEED] = east, north, speed
                 sigma, speed_sigma = estimate[estimate_row.SIGMA], estimate[estimate_row.SPEED_SIGMA]
                 trust, surprise = predict_learned(
                     memory[:_COAST], t, x, sigma, speed_sigma, age, estimate[estimate_row.STREAK], step, net, scratch,
@@ -64,5 +65,5 @@ def planner_on_learned(state, memory, t, p, v, q, x, estimate, future, step, par
                     net[net_row.DOUBT] * trust * (surprise - estimate[estimate_row.SURPRISE])
                 )
                 coast_keep(coast, t, age, future)
-                x[0], x[1], x[4] = carried_east, carried_north, carried
+                x[belief_state.X], x[belief_state.Y], x[belief_state.SPEED] = carried_east, carried_north, carried
     return planner_step(state, t, p, v, q, x, estimate, future, step, params, out)

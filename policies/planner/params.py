@@ -1,4 +1,4 @@
-"""All that can be set about the planner, checked, and the row that kernels take."""
+"""The planner's parameters: a checked dataclass, and their row for kernels."""
 
 from __future__ import annotations
 

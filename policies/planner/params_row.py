@@ -1,4 +1,4 @@
-"""Where each parameter stands in the planner's parameter row: `row[params_row.contact.speed]`.
+"""Indices of the planner's parameter row: `row[params_row.contact.speed]`.
 
 One name for each group of `PlannerParams`, in its order. The row has 2 * COUNT entries: the parameters, then the same
 with the values for steep boards.

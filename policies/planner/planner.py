@@ -1,7 +1,7 @@
-"""The model-based perching policy: watches, follows, commits to a planned perch, replans it, flies it, or goes around.
+"""The model-based perching policy: it follows the board, commits to a planned perch, replans it, or goes around.
 
 It plans on `future` rows only ((K, 8) board rows, see `future.py`), which come from the belief. One planner is one
-float64 row (`state_row`); what it is told of the board is another (`estimate_row`).
+float64 row (`state_row`); how well the board is known is another (`estimate_row`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import body_z
-from policies.estimation import thrust_row
+from policies.estimation import belief_state, thrust_row
 from policies.estimation.own_state import WAIT
 from policies.estimation.thrust_drag import gain_reset, gain_update
 from policies.planner import estimate_row, phases, state_row
@@ -23,9 +23,10 @@ from policies.planner.search import MOTION_DIM
 from policies.prediction import oscillation_row, speeds_row
 from policies.prediction.future import carry_oscillation, predict_oscillation
 from policies.prediction.speed_history import HISTORY_DIM, fit_oscillation, history_push
+from vehicle.quadrotor import command_row
 from vehicle.quadrotor.airframe import GRAVITY
 
-_FRESH = 0.12  # s, age of a belief whose speed is still worth remembering
+_FRESH = 0.12  # s, age up to which a belief's speed enters the speed history
 _FASTER = 0.3  # m/s at most by which a board is met faster when its surface is uncertain
 
 
@@ -67,7 +68,7 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
     dt, lag = t - state[state_row.LAST], params[pp.vehicle.thrust_lag] + WAIT
     gain = gain_update(
         state[state_row.GAIN : state_row.GAIN + thrust_row.DIM], v[0], v[1], v[2], zx, zy, zz,
-        state[state_row.ASKED + 3], dt, lag, params[pp.vehicle.drag], GRAVITY,
+        state[state_row.ASKED + command_row.THRUST], dt, lag, params[pp.vehicle.drag], GRAVITY,
     )  # fmt: skip
     state[state_row.LAST] = t
     own = state[state_row.OWN : state_row.OWN + pp.COUNT]
@@ -107,10 +108,10 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
 
 @njit
 def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, out):
-    """`planner_step` on an estimate of the board now: remembers its speed and, when due, predicts `future` ((K, 8)).
+    """`planner_step` on an estimate of the board now: stores its speed and, when due, predicts `future` ((K, 8)).
 
-    `x` (8,): board row whose last entry is the acceleration (m/s^2), which decays by
-    `Prediction.acceleration_tau`; corrected in place for what the board did since the last exposure.
+    `x` (8,): the predicted belief state (policies.estimation.belief_state); its acceleration (m/s^2) decays in
+    `Prediction.acceleration_tau` s; corrected in place for what the board did since the last exposure.
     """
     if runs_up(x, params):
         params = params[pp.COUNT :]
@@ -119,7 +120,7 @@ def planner_on_estimate(state, t, p, v, q, x, estimate, future, step, params, ou
         state[state_row.FIT : state_row.FIT + oscillation_row.DIM],
     )
     if estimate[estimate_row.VALID] > 0.0 and estimate[estimate_row.AGE] < _FRESH:
-        history_push(history, t, x[4])
+        history_push(history, t, x[belief_state.SPEED])
     tau = params[pp.prediction.acceleration_tau]
     if planner_due(state, t):
         fit_oscillation(history, tau, fit)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from policies.estimation import odometry_row, thrust_row
+from policies.estimation import belief_state, odometry_row, thrust_row
 from policies.estimation.odometry import odometry_now
 from policies.planner import estimate_row, phases, state_row
 from policies.planner.groups import Vehicle
@@ -14,6 +14,7 @@ from policies.planner.params import PlannerParams
 from policies.planner.planner import planner_on_estimate, planner_reset
 from policies.prediction.future import HORIZON, STEP
 from policies.task.interface import BoardView, Command, Vec3, VehicleView
+from vehicle.quadrotor import command_row
 from vehicle.quadrotor.airframe import Airframe
 
 # What the planner changes of GuidanceParams: its own law chooses the thrust (`contact_thrust.py`), and its plans end at
@@ -42,7 +43,8 @@ class PlannerPolicy:
     def __init__(self, airframe: Airframe) -> None:
         self._params = planner_params(airframe).row()
         self._state = np.zeros(state_row.DIM)
-        self._estimate, self._x, self._out = np.zeros(estimate_row.DIM), np.zeros(8), np.zeros(4)
+        self._estimate, self._x = np.zeros(estimate_row.DIM), np.zeros(belief_state.PREDICTED_DIM)
+        self._out = np.zeros(command_row.DIM)
         self._now = np.zeros(odometry_row.DIM)
         self._future = np.zeros((HORIZON, 8))
         self.reset(0)

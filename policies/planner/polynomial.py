@@ -1,4 +1,4 @@
-"""Motions of the perch: per axis a polynomial of order six between two states, flat enough at contact."""
+"""Motions of the perch: per axis a polynomial of order six between two states, with reduced jerk at contact."""
 
 from __future__ import annotations
 

@@ -11,13 +11,14 @@ import math
 from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
 from kernel.jit import njit
+from policies.estimation import belief_state
 from policies.planner import params_row as pp
 from policies.planner import polynomial as poly
 from policies.prediction.future import board_at
 from vehicle.quadrotor.airframe import GRAVITY
 
-SAMPLES = 14
-THRUSTS = 5
+SAMPLES = 14  # points at which a motion is judged
+THRUSTS = 5  # terminal thrusts that are tried
 _REACH = 0.6  # m, clearance over the board's plane is demanded only this near to the board
 _GROUND = 0.35  # m, least height over the ground
 _STEADY = 0.5  # m/s^2, predicted acceleration of a board of constant speed at most
@@ -47,14 +48,14 @@ def _drift(start, board, vx, vy, ax, ay, duration, params):
 def fit_perch(start, board, duration, thrust, skid, params, motion):
     """Fit `motion` ((MOTION_DIM,)) from `start` ((9,): position, velocity, acceleration) to the board at contact.
 
-    `board` (8,): the board at contact, its last entry its acceleration (m/s^2). `thrust` (m/s^2) and `skid` (m/s, up
-    the slope, relative to the board) at contact.
+    `board` (8,): the board at contact (policies.estimation.belief_state), its acceleration included. `thrust` (m/s^2)
+    and `skid` (m/s, up the slope, relative to the board) at contact.
     """
     nx, ny, nz = board_normal(board)
     offset = (
         params[pp.vehicle.contact_below]
         - params[pp.contact.overshoot]
-        - params[pp.contact.overshoot_by_acceleration] * max(0.0, abs(board[7]) - _STEADY)
+        - params[pp.contact.overshoot_by_acceleration] * max(0.0, abs(board[belief_state.ACCELERATION]) - _STEADY)
     )
     into, flat = params[pp.contact.speed], params[pp.contact.flatten] * max(0.0, 2.0 * nz - 1.0)
     ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
@@ -155,7 +156,7 @@ def search(
             continue
         board_at(future, step, offset + duration + step, board)
         board_at(future, step, offset + duration, target)
-        target[7] = (board[board_row.SPEED] - target[4]) / step
+        target[belief_state.ACCELERATION] = (board[board_row.SPEED] - target[board_row.SPEED]) / step
         for j in range(2 * THRUSTS):
             thrust = params[pp.search.thrust_min] + (params[pp.search.thrust_max] - params[pp.search.thrust_min]) * (
                 j // 2

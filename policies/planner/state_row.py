@@ -1,4 +1,4 @@
-"""What a planner remembers from tick to tick, as one float64 row (DIM,). Times in s, world ENU."""
+"""Indices of a planner's state row, (DIM,) float64: all that it keeps between ticks. Times in s, world ENU."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ASKED = 14  # 4, commanded last: body rate FLU, rad/s, and thrust, m/s^2
 GAIN = ASKED + 4  # the thrust-gain row, see `thrust_drag`
 MOTION = GAIN + thrust_row.DIM  # the motion under way
 BEST, TRY = MOTION + MOTION_DIM, MOTION + 2 * MOTION_DIM  # scratch of the search
-START = MOTION + 3 * MOTION_DIM  # 9, position, velocity, acceleration from which is planned
+START = MOTION + 3 * MOTION_DIM  # 9, position, velocity, acceleration at the start of a plan
 BOARD = START + 9  # 8, scratch
 HISTORY = BOARD + 8  # the board's speeds, see `speed_history`
 FIT = HISTORY + HISTORY_DIM  # their fit

@@ -7,6 +7,7 @@ import math
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
 from policies.planner import params_row as pp
+from vehicle.quadrotor import command_row
 
 
 @njit
@@ -29,10 +30,10 @@ def track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, p
     rx, ry, rz = (uy * jz - uz * jy) / ahead, (uz * jx - ux * jz) / ahead, (ux * jy - uy * jx) / ahead
     wx, wy, _ = rotate_back(q, turn * cx + rx, turn * cy + ry, turn * cz + rz)
     limit = params[pp.vehicle.rate_max]
-    out[0] = min(limit, max(-limit, wx))
-    out[1] = min(limit, max(-limit, wy))
-    out[2] = min(limit, max(-limit, yaw_rate))
-    out[3] = min(params[pp.vehicle.thrust_max], max(params[pp.vehicle.thrust_min], thrust / gain))
+    out[command_row.RATE] = min(limit, max(-limit, wx))
+    out[command_row.RATE + 1] = min(limit, max(-limit, wy))
+    out[command_row.RATE + 2] = min(limit, max(-limit, yaw_rate))
+    out[command_row.THRUST] = min(params[pp.vehicle.thrust_max], max(params[pp.vehicle.thrust_min], thrust / gain))
 
 
 @njit

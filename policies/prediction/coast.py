@@ -1,4 +1,4 @@
-"""Predicting the board through a gap in detections from the last good prediction, rather than by the filter's model.
+"""Prediction of the board during a gap in detections, from the last good prediction instead of the filter's model.
 
 The filter's model lets the acceleration decay. A prediction made while the board was in view includes the speed law
 that was fitted to it. That prediction is kept, and evaluated at later times until the board is detected again.
@@ -14,7 +14,7 @@ from policies.prediction.future import HORIZON, board_at
 
 _FRESH = 0.06  # s: a prediction made on an exposure this young is kept
 _GAP = 0.085  # s since the last exposure: from here on the kept prediction counts; between two control steps
-_LONGEST = 2.0  # s: an older prediction is worth no more than the filter's
+_LONGEST = 2.0  # s: an older prediction is not used
 
 
 @njit

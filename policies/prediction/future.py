@@ -1,6 +1,6 @@
-"""Where the board will be: `future` (K, 8), board rows at a fixed step from now, the planner's only view of the motion.
+"""Prediction of the board: `future` (K, 8), board rows at a fixed step from now, the planner's only input about motion.
 
-Anything can fill such an array: the belief's own model below, a learned predictor, or the true motion (a teacher with
+Such an array is filled by the belief's own model below, by a learned predictor, or from the true motion (a teacher with
 privileged information).
 """
 
@@ -47,12 +47,12 @@ def carry_oscillation(state, fit, age, tau):
     gained = state[belief_state.ACCELERATION] / keep * tau * (1.0 - keep)
     # Metres and m/s of the oscillation over the gap (Simpson's rule), against those of the filter's own acceleration.
     back, middle = oscillation_gain(fit, -age), oscillation_gain(fit, -0.5 * age)
-    swung = -back
-    swung_far = age * (4.0 * (middle - back) + (0.0 - back)) / 6.0
+    changed = -back
+    changed_far = age * (4.0 * (middle - back) + (0.0 - back)) / 6.0
     gained_far = state[belief_state.ACCELERATION] / keep * tau * age - gained * tau
     faster, farther = (
-        fit[oscillation_row.TRUST] * (swung - gained),
-        fit[oscillation_row.TRUST] * (swung_far - gained_far),
+        fit[oscillation_row.TRUST] * (changed - gained),
+        fit[oscillation_row.TRUST] * (changed_far - gained_far),
     )
     state[belief_state.X] += farther * math.cos(state[belief_state.HEADING])
     state[belief_state.Y] += farther * math.sin(state[belief_state.HEADING])
@@ -61,8 +61,9 @@ def carry_oscillation(state, fit, age, tau):
 
 @njit
 def predict_oscillation(state, fit, tau, step, out):
-    """Fill `out` ((K, 8)) like `predict_future`, with an oscillating speed as far as `fit` (a swing row) is trusted.
+    """Fill `out` ((K, 8)) like `predict_future`, with an oscillating speed as far as `fit` is trusted.
 
+    `fit` (policies.prediction.oscillation_row.DIM,); the other arguments as of `predict_future`.
     The path's curvature is kept rather than the turn rate: a car that slows down in a bend turns more slowly.
     """
     trust, speed0 = fit[oscillation_row.TRUST], state[belief_state.SPEED]

@@ -219,11 +219,11 @@ def interpolation(rows: int = HORIZON, step: float = STEP) -> np.ndarray:
 
 
 def pack_network(
-    layers: list[tuple[np.ndarray, np.ndarray]], gate: tuple[float, float, float, float, float]
+    layers: list[tuple[np.ndarray, np.ndarray]], limits: tuple[float, float, float, float, float]
 ) -> np.ndarray:
     """The net row ((net_row.DIM,) float32) of three (weights (in, out), bias) pairs and the limits of trust.
 
-    Raises ValueError.
+    `limits`: (SHORT, LONG, FRESH, OLD, DOUBT) of net_row. Raises ValueError for a wrong shape, number or limit.
     """
     shapes = [
         (net_row.INPUTS, net_row.HIDDEN1),
@@ -232,16 +232,18 @@ def pack_network(
     ]
     if [w.shape for w, _ in layers] != shapes or [b.shape for _, b in layers] != [(n,) for _, n in shapes]:
         raise ValueError(f"a predictor needs layers of {shapes}, not {[w.shape for w, _ in layers]}")
-    if not (0.0 <= gate[0] < gate[1] and 0.0 <= gate[2] < gate[3] and 0.0 <= gate[4] <= 1.0):
-        raise ValueError(f"the limits of the predictor's trust are {gate}: it must rise with history and fall with age")
-    row = np.concatenate([part.ravel() for pair in layers for part in pair] + [np.array(gate)]).astype(np.float32)
+    if not (0.0 <= limits[0] < limits[1] and 0.0 <= limits[2] < limits[3] and 0.0 <= limits[4] <= 1.0):
+        raise ValueError(
+            f"the limits of the predictor's trust are {limits}: it must rise with history and fall with age"
+        )
+    row = np.concatenate([part.ravel() for pair in layers for part in pair] + [np.array(limits)]).astype(np.float32)
     if not np.isfinite(row).all():
         raise ValueError("the predictor's weights are not all finite")
     return row
 
 
 def save_predictor(path: Path, net: np.ndarray, note: str) -> None:
-    """Write a predictor with a note of where it comes from."""
+    """Write a predictor's net row to `path`, with a note of its origin."""
     np.savez_compressed(path, version=VERSION, knots=np.array(KNOTS), net=net, note=note)
 
 

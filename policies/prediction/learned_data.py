@@ -109,7 +109,7 @@ def draw_motion(row, aux, response, damping, top, rng):
 
 @njit
 def roll(row, aux, lead, rng, out):
-    """Drive `lead` ticks unseen, then write every tick's board row to `out` ((T, 8))."""
+    """Drive `lead` ticks without output, then write every tick's board row to `out` ((T, 8))."""
     for _ in range(lead):
         mo.motion_step(row, aux, DT, rng)
     for k in range(out.shape[0]):

@@ -29,13 +29,13 @@ from policies.prediction.learned_data import EVERY, TARGETS, Examples, make_exam
 BATCH = 1024
 LIMITS = (0.3, 0.7, 0.8, 1.6, 0.0)  # of trust, as in net_row from LIMITS on; from the validation below
 AHEAD = np.arange(TARGETS) * EVERY * STEP
-_MIRRORED = (input_row.TURN_RATE, input_row.ACROSS)  # channels of a tap that change sign in a reflection
+_REFLECTED = (input_row.TURN_RATE, input_row.ACROSS)  # channels of a tap that change sign in a reflection
 
 
 def mirror_signs() -> tuple[Tensor, Tensor]:
     """Signs of inputs ((net_row.INPUTS,)) and of a target ((target_row.DIM,)) of the reflected drive."""
     inputs = torch.ones(net_row.INPUTS)
-    for channel in _MIRRORED:
+    for channel in _REFLECTED:
         inputs[channel : input_row.NOW : input_row.CHANNELS] = -1.0
     inputs[input_row.NOW + input_row.TURN_RATE] = -1.0
     return inputs, torch.tensor([1.0, -1.0, -1.0, 1.0])
@@ -163,7 +163,7 @@ def train(minutes: float, drives: int, seed: int, out: Path, start: Path | None 
     flip, flip_target = mirror_signs()
     order = np.random.default_rng(seed)
     inputs, now, target = (torch.from_numpy(part) for part in (data.inputs, data.contexts, data.targets))
-    begun, steps, running, told = time.perf_counter(), 0, 0.0, 0.0
+    begun, steps, running, reported = time.perf_counter(), 0, 0.0, 0.0
     while (spent := (time.perf_counter() - begun) / (60.0 * minutes)) < 1.0:
         for group in optimiser.param_groups:
             group["lr"] = 1e-5 + top_rate * min(1.0, steps / 500) * 0.5 * (1.0 + math.cos(math.pi * spent))
@@ -181,8 +181,8 @@ def train(minutes: float, drives: int, seed: int, out: Path, start: Path | None 
         optimiser.step()
         average.update_parameters(network)
         steps, running = steps + 1, 0.99 * running + 0.01 * loss.item() if steps else loss.item()
-        if spent - told > 0.1:
-            told = spent
+        if spent - reported > 0.1:
+            reported = spent
             print(f"{spent:.0%} {steps} steps, loss {running:.4f}", flush=True)
     final = average.module
     assert isinstance(final, nn.Sequential)
@@ -195,7 +195,7 @@ def train(minutes: float, drives: int, seed: int, out: Path, start: Path | None 
 
 
 def main() -> None:
-    """Command line."""
+    """The command line of this module."""
     parser = argparse.ArgumentParser(description="train the motion predictor")
     parser.add_argument("--minutes", type=float, default=9.0)
     parser.add_argument("--drives", type=int, default=30_000)

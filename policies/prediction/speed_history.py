@@ -61,7 +61,7 @@ def history_push(history, t, speed):
 
 @njit
 def history_range(history):
-    """(least, most) size of the remembered speeds, m/s, without the first _SETTLE entries; (inf, 0) of none."""
+    """(least, largest) magnitude of the stored speeds, m/s, without the first _SETTLE entries; (inf, 0) of none."""
     least, most = math.inf, 0.0
     head = int(history[speeds_row.HEAD])
     for i in range(int(history[speeds_row.COUNT]) - _SETTLE):
@@ -143,10 +143,10 @@ def fit_oscillation(history, tau, fit):
         mean, slope, weight = mean + v / _LINE, slope + v * x, weight + x * x
     slope /= weight * SAMPLE
     then = mean + slope * 0.5 * (_LINE - 1) * SAMPLE
-    swung, held = 0.0, 0.0
+    oscillating, held = 0.0, 0.0  # squared errors of the fit, and of the decaying acceleration
     for i in range(_BACK):
         t, v = (_BACK - i) * SAMPLE, history[speeds_row.RING + (head - i) % LENGTH]
-        swung += (
+        oscillating += (
             v
             - fit[oscillation_row.CONSTANT]
             - fit[oscillation_row.COSINE] * math.cos(fit[oscillation_row.OMEGA] * t)
@@ -156,10 +156,10 @@ def fit_oscillation(history, tau, fit):
     if not fitted:
         fit[oscillation_row.SURPRISE] = math.sqrt(held / _BACK)
         return
-    trust = min(1.0, max(0.0, 1.2 * (1.0 - swung / (held + _BACK * _NOISE * _NOISE))))
+    trust = min(1.0, max(0.0, 1.2 * (1.0 - oscillating / (held + _BACK * _NOISE * _NOISE))))
     _fit(history, 0, fit)
     fit[oscillation_row.TRUST] = trust
-    fit[oscillation_row.SURPRISE] = math.sqrt((trust * swung + (1.0 - trust) * held) / _BACK)
+    fit[oscillation_row.SURPRISE] = math.sqrt((trust * oscillating + (1.0 - trust) * held) / _BACK)
 
 
 @njit

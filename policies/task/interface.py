@@ -1,4 +1,4 @@
-"""What anything that flies is given and answers: views of vehicle and board in, one command out."""
+"""The interface of everything that flies: views of vehicle and board in, one command out."""
 
 from __future__ import annotations
 
@@ -71,9 +71,9 @@ class Command(NamedTuple):
 
 
 class FlyingPolicy(Protocol):
-    """Anything that turns belief and odometry into commands, at ticks of 100 Hz.
+    """A policy: it turns belief and odometry into commands, at ticks of 100 Hz.
 
-    It is stepped between ticks too, as soon as a picture has told something new, with the odometry of the last tick.
+    It is also stepped between two ticks, when a detection has updated the belief, with the odometry of the last tick.
     """
 
     def reset(self, now_ns: int) -> None: ...
@@ -81,5 +81,5 @@ class FlyingPolicy(Protocol):
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command: ...
 
     def flown(self, body_rate: Vec3, thrust: float) -> None:
-        """What guidance made of the command last answered, if it changed it (rad/s FLU, m/s^2)."""
+        """Receive the command that guidance put in place of the last one returned (rad/s FLU, m/s^2)."""
         ...

@@ -1,17 +1,17 @@
 """What a policy sees, s_t = [v, vec(R), history, rho, a_(t-1)] (paper Sec. "Observations and Actions"), as one kernel.
 
-Everything is expressed in the drone's yaw frame (world turned about z so that the drone faces +x), which makes the
-policy blind to where north is. Yaw is taken from the body y axis: that axis stays near the horizontal while the drone
-flares, where yaw from the body x axis would spin.
+Everything is expressed in the vehicle's yaw frame (the world turned about z so that the vehicle faces +x), so that the
+observation does not depend on the heading. Yaw is taken from the body y axis: that axis stays near the horizontal
+during the flare, where the yaw of the body x axis would turn by large angles.
 
 Deviations from the paper, part of the layout's version: the history may keep every `stride`-th control step, so that 30
-entries span more than 0.3 s; two slots hold what the drone found out about itself (policies/estimation/thrust_drag.py),
-its thrust gain (achieved over asked) and its drag (1/s); one how well the board is seen (belief.surface_sigma, m).
+entries span more than 0.3 s; two slots hold the vehicle's own estimates (policies/estimation/thrust_drag.py) of its
+thrust gain (achieved over asked) and drag (1/s); one holds the one-sigma of the board's surface (m).
 
 Layout of the OBS_DIM float32 numbers: HISTORY entries, oldest first, of
-  [p_rel (3: board at that time minus drone now), outward normal (3), board velocity (2), turn rate, t - now],
-then v (3), R (9, row-major, world from body), rho, previous action (4: roll, pitch, yaw rate, thrust in [-1, 1]), gain,
-drag, surface sigma.
+  [p_rel (3: board at that time minus vehicle now), outward normal (3), board velocity (2), turn rate, t - now],
+then v (3), R (9, row-major, yaw frame from body), rho, previous action (4: roll, pitch, yaw rate, thrust in [-1, 1]),
+gain, drag, surface sigma.
 """
 
 from __future__ import annotations
@@ -22,21 +22,18 @@ import numpy as np
 
 from groundcar.motion import board_row
 from kernel.jit import njit
-from vehicle.quadrotor import limits_row
+from policies.task import entry_row, history_row, tail_row
+from vehicle.quadrotor import command_row, limits_row
 
 LAYOUT_NAME, LAYOUT_VERSION = "perchrl-yaw", 3
 
 HISTORY = 30  # H of the paper
-ENTRY_DIM = 10
-TAIL_V, TAIL_R, TAIL_RHO, TAIL_ACTION, TAIL_GAIN, TAIL_DRAG, TAIL_SIGMA, TAIL_DIM = 0, 3, 12, 13, 17, 18, 19, 20
-TAIL = HISTORY * ENTRY_DIM  # index of the first entry after the history
-NEWEST = TAIL - ENTRY_DIM
-OBS_DIM = TAIL + TAIL_DIM
+TAIL = HISTORY * entry_row.DIM  # index of the first entry after the history
+NEWEST = TAIL - entry_row.DIM
+OBS_DIM = TAIL + tail_row.DIM
 
 USUAL_DRAG = 0.2  # 1/s, of an open frame of the paper's size
 
-# A history row: the ring's head and fill, then RING entries [x, y, z, normal (3), vx, vy, turn rate, time].
-HEAD, FILL, RING_START = 0, 1, 2
 MAX_STRIDE = 10
 
 
@@ -44,7 +41,7 @@ def history_dim(stride: int) -> int:
     """Length of a history row for entries every `stride` control steps."""
     if not 1 <= stride <= MAX_STRIDE:
         raise ValueError(f"history stride is {stride}; give 1 to {MAX_STRIDE}")
-    return RING_START + ((HISTORY - 1) * stride + 1) * ENTRY_DIM
+    return history_row.RING + ((HISTORY - 1) * stride + 1) * entry_row.DIM
 
 
 @njit
@@ -52,44 +49,42 @@ def write_entry(board, seconds, out, at):
     """Write [x, y, z, normal, vx, vy, turn rate, seconds] of a board row into `out` from index `at`."""
     ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
     ci, si = math.cos(board[board_row.INCLINATION]), math.sin(board[board_row.INCLINATION])
-    out[at], out[at + 1], out[at + 2] = board[board_row.X], board[board_row.Y], board[board_row.Z]
-    out[at + 3], out[at + 4], out[at + 5] = -si * ch, -si * sh, ci
-    out[at + 6], out[at + 7], out[at + 8] = (
-        board[board_row.SPEED] * ch,
-        board[board_row.SPEED] * sh,
-        board[board_row.TURN_RATE],
-    )
-    out[at + 9] = seconds
+    p, n, v = at + entry_row.P, at + entry_row.NORMAL, at + entry_row.V
+    out[p], out[p + 1], out[p + 2] = board[board_row.X], board[board_row.Y], board[board_row.Z]
+    out[n], out[n + 1], out[n + 2] = -si * ch, -si * sh, ci
+    out[v], out[v + 1] = board[board_row.SPEED] * ch, board[board_row.SPEED] * sh
+    out[at + entry_row.TURN_RATE] = board[board_row.TURN_RATE]
+    out[at + entry_row.TIME] = seconds
 
 
 @njit
 def clear_history(row):
-    """Forget everything; the next `push_history` fills the whole ring."""
-    row[HEAD] = row[FILL] = 0.0
+    """Empty the history row; the next `push_history` begins it anew."""
+    row[history_row.HEAD] = row[history_row.FILL] = 0.0
 
 
 @njit
 def push_history(board, seconds, row):
     """Append a board row, true or believed, at time `seconds` (any epoch, rising by one control step a call)."""
-    size = (row.shape[0] - RING_START) // ENTRY_DIM
-    head = (int(row[HEAD]) + 1) % size if row[FILL] > 0.0 else 0
-    write_entry(board, seconds, row, RING_START + head * ENTRY_DIM)
-    row[HEAD] = head
-    row[FILL] = min(row[FILL] + 1.0, float(size))
+    size = (row.shape[0] - history_row.RING) // entry_row.DIM
+    head = (int(row[history_row.HEAD]) + 1) % size if row[history_row.FILL] > 0.0 else 0
+    write_entry(board, seconds, row, history_row.RING + head * entry_row.DIM)
+    row[history_row.HEAD] = head
+    row[history_row.FILL] = min(row[history_row.FILL] + 1.0, float(size))
 
 
 @njit
 def renew_history(board, seconds, row):
-    """Put a board row at time `seconds` in place of the newest one: what a picture told between control steps."""
-    if row[FILL] > 0.0:
-        write_entry(board, seconds, row, RING_START + int(row[HEAD]) * ENTRY_DIM)
+    """Put a board row at time `seconds` in place of the newest one, after a detection between two control steps."""
+    if row[history_row.FILL] > 0.0:
+        write_entry(board, seconds, row, history_row.RING + int(row[history_row.HEAD]) * entry_row.DIM)
     else:
         push_history(board, seconds, row)
 
 
 @njit
 def yaw_axes(q):
-    """(cos, sin) of the drone's yaw, from the body y axis; `q` (4,) wxyz, world from body."""
+    """(cos, sin) of the vehicle's yaw, from the body y axis; `q` (4,) wxyz, world from body."""
     yx = 2.0 * (q[1] * q[2] - q[0] * q[3])
     yy = 1.0 - 2.0 * (q[1] * q[1] + q[3] * q[3])
     length = math.sqrt(yx * yx + yy * yy)
@@ -100,51 +95,58 @@ def yaw_axes(q):
 
 @njit
 def relative_entry(entry, at, p, c, s, now, out, to):
-    """One stored entry at `entry[at:]` seen from drone position `p` in the yaw frame (c, s), into `out[to:]`."""
-    dx, dy = entry[at] - p[0], entry[at + 1] - p[1]
-    out[to], out[to + 1], out[to + 2] = c * dx + s * dy, c * dy - s * dx, entry[at + 2] - p[2]
-    nx, ny = entry[at + 3], entry[at + 4]
-    out[to + 3], out[to + 4], out[to + 5] = c * nx + s * ny, c * ny - s * nx, entry[at + 5]
-    vx, vy = entry[at + 6], entry[at + 7]
-    out[to + 6], out[to + 7] = c * vx + s * vy, c * vy - s * vx
-    out[to + 8] = entry[at + 8]
-    out[to + 9] = entry[at + 9] - now
+    """Write the stored entry `entry[at:]` to `out[to:]`, relative to the vehicle at `p` (3,), in its yaw frame (c, s).
+
+    `now` s: time is written relative to it.
+    """
+    i, o = at + entry_row.P, to + entry_row.P
+    dx, dy = entry[i] - p[0], entry[i + 1] - p[1]
+    out[o], out[o + 1], out[o + 2] = c * dx + s * dy, c * dy - s * dx, entry[i + 2] - p[2]
+    i, o = at + entry_row.NORMAL, to + entry_row.NORMAL
+    nx, ny = entry[i], entry[i + 1]
+    out[o], out[o + 1], out[o + 2] = c * nx + s * ny, c * ny - s * nx, entry[i + 2]
+    i, o = at + entry_row.V, to + entry_row.V
+    vx, vy = entry[i], entry[i + 1]
+    out[o], out[o + 1] = c * vx + s * vy, c * vy - s * vx
+    out[to + entry_row.TURN_RATE] = entry[at + entry_row.TURN_RATE]
+    out[to + entry_row.TIME] = entry[at + entry_row.TIME] - now
 
 
 @njit
 def build_observation(row, p, v, q, rho, previous, gain, drag, sigma, stride, now, out):
     """Write the observation into `out` ((OBS_DIM,) float32).
 
-    `row`: history row with at least one entry; `p`, `v` (3,), `q` (4,): the drone, world; `rho` reliability; `previous`
-    (4,) last action in [-1, 1]; `gain`, `drag` (1/s) estimates; `sigma` m of the board's surface; `stride`: control
-    steps between entries; `now`: s, the epoch of `push_history`. Before the ring is full its oldest entry is repeated
-    (its t says how old it really is).
+    `row`: history row with at least one entry; `p`, `v` (3,), `q` (4,): the vehicle, world; `rho` reliability;
+    `previous` (4,) last action in [-1, 1]; `gain`, `drag` (1/s) estimates; `sigma` m of the board's surface; `stride`:
+    control steps between entries; `now`: s, the epoch of `push_history`. Before the ring is full its oldest entry is
+    repeated, with its true time.
     """
     c, s = yaw_axes(q)
-    size = (row.shape[0] - RING_START) // ENTRY_DIM
-    head, fill = int(row[HEAD]), int(row[FILL])
+    size = (row.shape[0] - history_row.RING) // entry_row.DIM
+    head, fill = int(row[history_row.HEAD]), int(row[history_row.FILL])
     for i in range(HISTORY):
         back = min((HISTORY - 1 - i) * stride, fill - 1)
         slot = head - back
         if slot < 0:
             slot += size
-        relative_entry(row, RING_START + slot * ENTRY_DIM, p, c, s, now, out, i * ENTRY_DIM)
+        relative_entry(row, history_row.RING + slot * entry_row.DIM, p, c, s, now, out, i * entry_row.DIM)
     w, x, y, z = q[0], q[1], q[2], q[3]
-    t = TAIL
-    out[t], out[t + 1], out[t + 2] = c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]
+    t, k = TAIL, TAIL + tail_row.V
+    out[k], out[k + 1], out[k + 2] = c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]
     xx, xy, xz = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
     yx, yy, yz = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
-    out[t + 3], out[t + 4], out[t + 5] = c * xx + s * yx, c * xy + s * yy, c * xz + s * yz
-    out[t + 6], out[t + 7], out[t + 8] = c * yx - s * xx, c * yy - s * xy, c * yz - s * xz
-    out[t + 9], out[t + 10], out[t + 11] = (
+    k = TAIL + tail_row.R
+    out[k], out[k + 1], out[k + 2] = c * xx + s * yx, c * xy + s * yy, c * xz + s * yz
+    out[k + 3], out[k + 4], out[k + 5] = c * yx - s * xx, c * yy - s * xy, c * yz - s * xz
+    out[k + 6], out[k + 7], out[k + 8] = (
         2.0 * (x * z - w * y),
         2.0 * (y * z + w * x),
         1.0 - 2.0 * (x * x + y * y),
     )
-    out[t + TAIL_RHO] = rho
+    out[t + tail_row.RHO] = rho
     for i in range(4):
-        out[t + TAIL_ACTION + i] = previous[i]
-    out[t + TAIL_GAIN], out[t + TAIL_DRAG], out[t + TAIL_SIGMA] = gain, drag, sigma
+        out[t + tail_row.ACTION + i] = previous[i]
+    out[t + tail_row.GAIN], out[t + tail_row.DRAG], out[t + tail_row.SIGMA] = gain, drag, sigma
 
 
 @njit
@@ -155,9 +157,9 @@ def command_from_action(action, limits, out):
     """
     for i in range(3):
         out[i] = limits[limits_row.BODY_RATE] * min(1.0, max(-1.0, action[i]))
-    thrust = min(1.0, max(-1.0, action[3]))
+    thrust = min(1.0, max(-1.0, action[command_row.THRUST]))
     low, high = limits[limits_row.THRUST_MIN], limits[limits_row.THRUST_MAX]
-    out[3] = 0.5 * (1.0 - thrust) * low + 0.5 * (1.0 + thrust) * high
+    out[command_row.THRUST] = 0.5 * (1.0 - thrust) * low + 0.5 * (1.0 + thrust) * high
 
 
 @njit
@@ -167,11 +169,11 @@ def action_from_command(command, limits, out):
         out[i] = min(1.0, max(-1.0, command[i] / limits[limits_row.BODY_RATE]))
     low, high = limits[limits_row.THRUST_MIN], limits[limits_row.THRUST_MAX]
     middle, half = 0.5 * (high + low), 0.5 * (high - low)
-    out[3] = min(1.0, max(-1.0, (command[3] - middle) / half))
+    out[command_row.THRUST] = min(1.0, max(-1.0, (command[command_row.THRUST] - middle) / half))
 
 
 class ObservationBuilder:
-    """The flight's side: belief and odometry in, observation out, at each control step and between two."""
+    """Observations in flight: belief and odometry in, observation out, at each control step and between two."""
 
     def __init__(self, stride: int) -> None:
         self._stride = stride
@@ -192,7 +194,7 @@ class ObservationBuilder:
         if not np.isfinite(board).all():
             self.rejected += 1
             return False
-        if self._row[FILL] == 0.0:
+        if self._row[history_row.FILL] == 0.0:
             self._epoch_ns = now_ns
         (renew_history if between else push_history)(board, (now_ns - self._epoch_ns) * 1e-9, self._row)
         return True
@@ -213,7 +215,7 @@ class ObservationBuilder:
 
         Raises ValueError if nothing was pushed yet or a number is not finite.
         """
-        if self._row[FILL] == 0.0:
+        if self._row[history_row.FILL] == 0.0:
             raise ValueError("observation asked for before any belief was pushed; call push() first")
         now = (now_ns - self._epoch_ns) * 1e-9
         build_observation(

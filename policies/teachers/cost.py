@@ -1,4 +1,4 @@
-"""What a motion costs the expert: limits of thrust and body rate, speed, clearance of ground and board, view."""
+"""Cost of a motion for the expert: limits of thrust and body rate, speed, clearance of ground and board, view."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, p
 
     `e` row of ExpertParams; `planner` row of PlannerParams for the vehicle. Stops early above `limit`.
     """
-    motion, board = row[at : at + expert_row.MOTION], row[expert_row.BOARD : expert_row.BOARD + 8]
+    motion, board = row[at : at + expert_row.MOTION], row[expert_row.BOARD : expert_row.BOARD + board_row.DIM]
     low, high = e[AT.low] * gain, e[AT.high] * gain
     rate = e[AT.rate_flat] + min(1.0, 2.0 * math.sin(future[0, board_row.INCLINATION])) * (e[AT.rate] - e[AT.rate_flat])
     below, radius = planner[pp.vehicle.contact_below], planner[pp.vehicle.contact_radius]

@@ -1,9 +1,9 @@
 """An expert for training, on privileged information: the board's future, the motors' state and the true thrust gain.
 
-What an expert that is to be imitated does must follow from what the student sees. So it does not weigh ways to end a
-perch: thrust and shape of the last move are functions of the inclination alone. A plan has two parts: a quintic to the
-state in which the last move begins, then the move, whose acceleration goes from zero to that of body z on the board's
-normal. Near the board only the second part is planned.
+The actions of an expert that is to be imitated must follow from what the student observes. So it does not choose among
+ways to end a perch: thrust and shape of the last move are functions of the inclination alone. A plan has two parts: a
+quintic to the state in which the last move begins, then the move, whose acceleration goes from zero to that of body z
+on the board's normal. Near the board only the second part is planned.
 """
 
 from __future__ import annotations
@@ -101,5 +101,5 @@ def expert_step(rows, i, row, board, future, step, gain, e, planner, out):
 
 @njit
 def expert_due(row, t):
-    """True if this step will look at the whole future."""
+    """True if this step reads the whole future. `row` expert row; `t` s."""
     return t >= row[expert_row.NEXT] - 1e-6

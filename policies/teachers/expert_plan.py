@@ -28,7 +28,10 @@ def _fit_move(row, future, step, contact, e):
 
     Returns its length.
     """
-    board, begin = row[expert_row.BOARD : expert_row.BOARD + 8], row[expert_row.TARGET : expert_row.TARGET + 8]
+    board, begin = (
+        row[expert_row.BOARD : expert_row.BOARD + board_row.DIM],
+        row[expert_row.TARGET : expert_row.TARGET + 8],
+    )
     board_at(future, step, contact, board)
     si, ci = math.sin(board[board_row.INCLINATION]), math.cos(board[board_row.INCLINATION])
     length = e[AT.move_flat] + si * (e[AT.move_steep] - e[AT.move_flat])
@@ -59,7 +62,10 @@ def _fit_end(row, future, step, contact, e):
     Late corrections across the normal would tilt the vehicle, and the board is large: the nearer contact is, the more
     the plan ends where the vehicle drifts anyway (free end position), up to `miss`.
     """
-    target, start = row[expert_row.BOARD : expert_row.BOARD + 8], row[expert_row.START : expert_row.START + 9]
+    target, start = (
+        row[expert_row.BOARD : expert_row.BOARD + board_row.DIM],
+        row[expert_row.START : expert_row.START + 9],
+    )
     board_at(future, step, contact, target)
     si, ci = math.sin(target[board_row.INCLINATION]), math.cos(target[board_row.INCLINATION])
     thrust = max(e[AT.thrust_flat] * GRAVITY * ci, e[AT.thrust_steep])
@@ -128,9 +134,9 @@ def _try_end(row, t, contact, late, future, step, gain, drag, e, planner):
 
 @njit
 def make_plan(row, t, future, step, gain, drag, e, planner):
-    """Plan anew: near contact around the plan under way, else as if there were none.
+    """Make a new plan: near contact by varying the plan under way, before that independently of it.
 
-    A choice that is kept because it was made would be a state that the student does not see.
+    A plan that depended on earlier choices would depend on a state that the student does not observe.
     """
     left = row[expert_row.CONTACT] - t
     row[expert_row.COST] = math.inf

@@ -1,4 +1,4 @@
-"""The expert's memory, one row (DIM,) for each episode. Times in s since the reset."""
+"""Indices of the expert's row, (DIM,), one for each episode: plan and workspace. Times in s since the reset."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NEXT = 4  # when it plans next
 COST = 5  # of the plan
 FIRST, SECOND = 6, 6 + MOTION  # the plan's two motions
 TRY1, TRY2 = 6 + 2 * MOTION, 6 + 3 * MOTION  # two motions that are tried
-START = 6 + 4 * MOTION  # 9, position, velocity, acceleration from which is planned
+START = 6 + 4 * MOTION  # 9, position, velocity, acceleration at the start of a plan
 TARGET = START + 9  # 9, scratch: where the last move begins
 BOARD = TARGET + 9  # 8, scratch
 DIM = BOARD + 8

@@ -1,4 +1,4 @@
-"""What can be set about the expert, and the row that kernels take."""
+"""The expert's parameters, and their row for kernels."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class ExpertParams:
     w_clearance: float = 1000.0  # 1/(m^2 s), weight of squared missing clearance over ground and board, over time
     w_speed: float = 2.0  # s/m^2, weight of squared speed above `speed`, over time
     speed: float = 5.0  # m/s, above which speed costs
-    give_up: float = 140.0  # cost above which the plan under way is not kept up
+    give_up: float = 140.0  # cost above which the plan under way is dropped
     overdue: float = 0.19  # s after the planned contact at which the plan is dropped
     aim: float = 0.73  # s before contact; with less than that left the end need not be the board's centre
     miss: float = 0.1  # m beside the centre at most, where `aim` lets the end drift
     w_smooth: float = 0.09  # s, weight of the squared body rate, over time
-    local: float = 0.79  # s before contact from which the plan under way is kept up rather than made anew
+    local: float = 0.79  # s before contact from which the plan under way is varied rather than replaced
     flatten: float = 0.12  # 0..1, share of the terminal jerk taken away from plans of that last time
     w_view: float = 6.0  # 1/s, weight of the time with the board out of view
     blind: float = 0.5  # s before contact from which the view costs nothing
@@ -49,7 +49,7 @@ class ExpertParams:
     )
 
     def row(self) -> np.ndarray:
-        """The row for kernels, in the order of the fields; AT has their places."""
+        """The row for kernels, in the order of the fields; AT holds their indices."""
         return np.array(astuple(self), dtype=np.float64)
 
 

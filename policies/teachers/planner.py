@@ -31,8 +31,8 @@ from policies.task.observation import action_from_command
 _LAG = 5  # control steps over which the true board's acceleration is taken
 ANALYTIC, LEARNED = 0, 1  # which predictor is used
 
-# A student's plan never gets as cheap as the planner's own, so the teacher commits at a higher cost. A student also
-# turns up late: it leans 0.05 rad more than it is shown, over steep boards of oscillating speed 0.1.
+# A student never reaches plans as cheap as the planner's own, so the teacher commits at a higher cost. A student also
+# pitches up late: it leans 0.05 rad more than its labels, 0.1 rad over steep boards with an oscillating speed.
 _TEACHING = {"commit.cost": 4.0, "contact.lean": 0.0}
 _TEACHING_STEEP = {"contact.lean": -0.025}
 
@@ -45,7 +45,7 @@ _WORK_DIM = _COMMAND + 4
 
 @njit
 def _board_now(rows, i, shared, now, x, covariance, estimate):
-    """What is known of the board: state and acceleration into `x` (8,), how well into `estimate`."""
+    """The board as the policy knows it: state into `x` (8,) (belief_state), its uncertainty into `estimate`."""
     if shared.config[config_row.VISION] > 0.0:
         estimate_from_belief(rows.belief[i], now, shared.belief, x, covariance, estimate)
         return
@@ -53,7 +53,7 @@ def _board_now(rows, i, shared, now, x, covariance, estimate):
     step = int(rows.state[i, episode_row.STEP])
     x[:] = rows.track[i, step]
     lag = min(_LAG, step)
-    x[7] = (
+    x[belief_state.ACCELERATION] = (
         (rows.track[i, step, board_row.SPEED] - rows.track[i, step - lag, board_row.SPEED]) / (lag * TICK)
         if lag > 0
         else 0.0
@@ -64,8 +64,8 @@ def _board_now(rows, i, shared, now, x, covariance, estimate):
 def plan_row(rows, i, shared, fresh, source, state, memory, work, future, scratch, params, net, out):
     """The planner's action for row i now, into `out` (4,) in [-1, 1]; `fresh`: an episode begins.
 
-    `state` (state_row.DIM,), `memory` (predictor_planner.MEMORY_DIM,) are the row's planner; `work`, `future`
-    ((HORIZON, 8)), `scratch` are scratch. `source`: where the future comes from.
+    `state` (state_row.DIM,), `memory` (learned_planner.MEMORY_DIM,) are the row's planner; `work`, `future`
+    ((HORIZON, 8)), `scratch` are scratch. `source`: the predictor, ANALYTIC or LEARNED.
     """
     now = rows.state[i, episode_row.STEP] * TICK
     if fresh:
@@ -125,7 +125,7 @@ class PlannerInEnv:
         return self._out
 
     def begin(self, env: Env) -> None:
-        """Make a planner for every row, whose first call will start it."""
+        """Make a planner for every row of `env`; the next call starts all of them."""
         self.first = True
         n = env.config.count
         self._env, self.params = env, planner_params(env.airframe).changed(self._changes, self._steep).row()
@@ -137,7 +137,7 @@ class PlannerInEnv:
 class PlannerTeacher:
     """The planner's actions as labels for every row, whatever flies it.
 
-    It knows what the student is told and no more, so that no label depends on what the student cannot know.
+    It receives what the student receives and no more, so that no label depends on anything else.
     """
 
     def __init__(self, env: Env) -> None:

@@ -58,7 +58,7 @@ class Teacher:
         self.actions, self.remaining = np.zeros((n, 4)), np.full(n, np.inf)
 
     def reset(self) -> None:
-        """Forget all plans, as after `Env.reset`."""
+        """Clear all plans; call it after `Env.reset`."""
         self._plans[:] = 0.0
 
     def state(self) -> dict:

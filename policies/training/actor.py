@@ -1,4 +1,4 @@
-"""The actor that a run leaves: its weights to train on from, and the ONNX file that flies, with where it comes from."""
+"""The actor that a run produces: its weights for further training, and the ONNX file that flies, with provenance."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def load_actor(path: Path) -> tuple[Actor, dict]:
 
 
 def contract_for(env: EnvConfig, name: str, provenance: Provenance) -> Contract:
-    """What a policy trained in `env` promises."""
+    """The contract of a policy trained in `env`."""
     shift, scale = normalisation()
     return Contract.of(
         load_airframe(env.airframe),
@@ -55,7 +55,7 @@ def contract_for(env: EnvConfig, name: str, provenance: Provenance) -> Contract:
 def keep_actor(
     out_dir: Path, recipe: Recipe, seed: int, env: EnvConfig, learner: Learner, samples: int, ancestor: dict
 ) -> None:
-    """The averaged actor as torch and as ONNX, with where it comes from."""
+    """Write the averaged actor to `out_dir` as torch weights and as ONNX, with its provenance."""
     origin = Provenance(
         recipe=recipe.name, seed=seed, samples=samples, commit=commit_id(), parent=ancestor.get("name", "")
     )

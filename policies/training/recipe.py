@@ -1,4 +1,4 @@
-"""Recipes: which environment, network and phases of learning make a policy, as TOML in `recipes/`."""
+"""Recipes: environment, network and phases of learning of a policy, as TOML files in `recipes/`."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@
     run(load_recipe("state"), "state", seed=1, out_dir=Path("training_runs/a"), resume=True)
 
 A checkpoint is written at least each minute and after each phase; a run that is killed and resumed on the same device
-gives the curve of one that was not. `perch-hil policy train` is the same on the command line.
+gives the same curve as one without interruption. `perch-hil policy train` is the same on the command line.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ def run(
     progress: Progress | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Path:
-    """Train and export. Returns the ONNX file; `stop` is asked after each iteration and ends the run early, resumable.
+    """Train and export. Returns the ONNX file; `stop` is called after each iteration: True ends the run early.
 
-    Raises RecipeError for a bad recipe, TrainingError for a device, parent, airframe or checkpoint that is not there or
-    does not fit, and for a device without memory enough, DivergedError for a number that is not finite (the last good
-    checkpoint stays).
+    A run that has ended early can be resumed. Raises RecipeError for a bad recipe, TrainingError for a device, parent,
+    airframe or checkpoint that is not there or does not fit, and for a device with too little memory, DivergedError for
+    a number that is not finite (the last good checkpoint stays).
     """
     where, path, network = open_device(device), out_dir / CHECKPOINT, recipe.network_config()
     saved = _checkpoint(path, recipe, stage, seed) if resume else None

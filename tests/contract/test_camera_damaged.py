@@ -44,7 +44,7 @@ def test_damaged_picture_differs_from_a_lost_device():
     assert capture.read() is None
 
 
-def test_one_damaged_picture_is_counted_and_the_camera_goes_on():
+def test_damaged_picture_is_counted_and_the_camera_continues():
     camera = opened(Scripted((picture(0), None), Damaged("cut"), (picture(1), None), then=(picture(2), None)))
     until = time.monotonic() + 5.0
     while camera._count < 3 and time.monotonic() < until:
@@ -68,7 +68,7 @@ def test_camera_with_damaged_pictures_only_is_lost_after_the_age_limit():
 
 
 @pytest.mark.parametrize("rate", [0.0, float("nan"), -1.0])
-def test_driver_without_a_rate_is_granted_and_left_to_measurement(rate):
+def test_camera_driver_that_reports_no_rate_is_accepted(rate):
     assert set_mode(FakeDevice(), "/dev/video0", MODE, "MJPG") is True
     assert set_mode(FakeDevice(rate=rate), "/dev/video0", MODE, "MJPG") is False
     with pytest.raises(WireError, match="grants 640x240"):
@@ -87,7 +87,7 @@ class Paced(Scripted):
         return picture(0), None
 
 
-def test_rate_is_measured_and_a_wrong_one_is_refused():
+def test_camera_with_a_wrong_measured_rate_is_refused():
     camera = NewestPicture(Paced(0.1), MODE, "paced", arrival_delay_ns=0)
     assert measured_rate(camera) == pytest.approx(10.0, rel=0.15)
     with pytest.raises(WireError, match=r"reports no rate and delivers \d+\.\d Hz, asked for was 320x240 at 50 Hz"):

@@ -164,16 +164,16 @@ class FakeDevice:
 
 
 @pytest.mark.parametrize(
-    ("granted", "told"),
+    ("granted", "expected"),
     [
         ({"width": 640, "height": 480}, "grants 640x480 at 50 Hz MJPG, asked for was 320x240 at 50 Hz MJPG"),
         ({"rate": 30.0}, "grants 320x240 at 30 Hz"),
         ({"format": "YUYV"}, "YUYV, asked for"),
     ],
 )
-def test_another_mode_than_asked_for_is_an_error_that_names_both(granted, told):
+def test_camera_mode_mismatch_error_names_both_modes(granted, expected):
     set_mode(FakeDevice(), "/dev/video0", MODE, "MJPG")
-    with pytest.raises(WireError, match=told):
+    with pytest.raises(WireError, match=expected):
         set_mode(FakeDevice(**granted), "/dev/video0", MODE, "MJPG")
 
 
@@ -192,14 +192,14 @@ def test_missing_camera_error_lists_the_present_ones(tmp_path):
         opening(film)
 
 
-def test_gstreamer_that_is_not_installed_is_named(monkeypatch):
+def test_missing_gstreamer_error_names_the_missing_program(monkeypatch):
     monkeypatch.setattr(gst, "opencv_has_gstreamer", lambda: False)
     monkeypatch.setattr(gst.shutil, "which", lambda _: None)
     with pytest.raises(WireError, match=r"built without GStreamer.*gst-launch-1\.0 is not installed"):
         gst.open_gstreamer("v4l2src", MODE, arrival_delay_ms=1.0)
 
 
-def test_a_pipeline_that_does_not_start_is_quoted(fake_gst):
+def test_error_of_a_pipeline_that_does_not_start_quotes_it(fake_gst):
     with pytest.raises(WireError, match='no element "brokensrc"'):
         gst.open_gstreamer("brokensrc", MODE, arrival_delay_ms=1.0)
     with pytest.raises(WireError, match="leave it out"):

@@ -38,7 +38,7 @@ def camera(request, tmp_path):
     camera.close()  # twice does no harm
 
 
-def test_pictures_come_in_the_mode_asked_for_in_order_and_with_their_age(camera):
+def test_pictures_arrive_in_the_requested_mode_in_order_and_with_their_age(camera):
     one, two = take(camera), take(camera)
     for each in (one, two):
         assert each.pixels.dtype == np.uint8
@@ -48,14 +48,14 @@ def test_pictures_come_in_the_mode_asked_for_in_order_and_with_their_age(camera)
     assert camera.lost == ""
 
 
-def test_a_picture_is_given_once(camera):
+def test_camera_delivers_each_picture_once(camera):
     first = take(camera)
     again = camera.take(time.monotonic_ns())
     assert again is None or again.sequence > first.sequence
 
 
 @pytest.mark.parametrize("kind", KNOWN_PICTURES, ids=lambda kind: kind.__name__)
-def test_only_the_newest_picture_is_given_and_others_are_counted(kind, tmp_path, fake_gst):
+def test_camera_delivers_the_newest_picture_and_counts_the_others(kind, tmp_path, fake_gst):
     camera = kind(tmp_path)
     take(camera)
     until = time.monotonic() + 5.0
@@ -72,7 +72,7 @@ def test_only_the_newest_picture_is_given_and_others_are_counted(kind, tmp_path,
 
 
 @pytest.mark.parametrize("kind", KNOWN_PICTURES, ids=lambda kind: kind.__name__)
-def test_lost_camera_reports_it_and_gives_no_pictures(kind, tmp_path, fake_gst):
+def test_lost_camera_is_reported_and_delivers_no_pictures(kind, tmp_path, fake_gst):
     camera = kind(tmp_path)
     until = time.monotonic() + 10.0
     while not camera.lost and time.monotonic() < until:

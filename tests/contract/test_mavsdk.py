@@ -82,7 +82,7 @@ def flight():
         autopilot.stop()
 
 
-def test_arm_take_off_body_rates_and_land(flight):
+def test_mavsdk_arms_takes_off_commands_body_rates_and_lands(flight):
     sim, system, action, offboard, telemetry = flight
     truth = sim.truth
     assert system.get_system_id() == 1 and system.is_connected()
@@ -131,7 +131,7 @@ def test_arm_take_off_body_rates_and_land(flight):
     assert sim.rejected["bad_frames"] == sim.rejected["garbage_bytes"] == 0
 
 
-def test_parameters_are_read_and_set(flight):
+def test_mavsdk_reads_and_sets_parameters(flight):
     sim, system, *_ = flight
     params = pytest.importorskip("mavsdk.plugins.param")
     param = params.Param(system)
@@ -145,7 +145,7 @@ def test_parameters_are_read_and_set(flight):
     param.destroy()
 
 
-def test_it_resends_the_last_set_point_by_itself_and_kills_in_the_air(flight):
+def test_mavsdk_resends_the_last_set_point_and_kills_in_the_air(flight):
     """Why our own driver streams set-points and MAVSDK does not: its caller may be dead, and PX4 flies on."""
     sim, _, action, offboard, telemetry = flight
     hover = 9.80665 / 20.0

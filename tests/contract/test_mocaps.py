@@ -44,7 +44,7 @@ class Feeder:
         while not condition():
             t = time.monotonic() - self.start
             assert t < limit_s, "not within the limit"
-            self.server.tell({name: pose for name, pose in bodies(t).items() if name in names})
+            self.server.send_poses({name: pose for name, pose in bodies(t).items() if name in names})
             time.sleep(0.01)
 
 
@@ -52,7 +52,7 @@ def client(server, names=("quad", "board")):
     return VrpnMocap(f"127.0.0.1:{server.port}", names, 4 * MS)
 
 
-def test_poses_come_with_age_and_wxyz_order(server):
+def test_mocap_poses_have_an_age_and_wxyz_quaternions(server):
     wire, got = client(server), []
     Feeder(server).until(lambda: got.extend(wire.take(0)) or len(got) > 20)
     assert {pose.body for pose in got} == {"quad", "board"}
@@ -67,7 +67,7 @@ def test_poses_come_with_age_and_wxyz_order(server):
     wire.close()
 
 
-def test_the_node_publishes_states_with_the_motion_it_measured(server):
+def test_mocap_node_publishes_states_with_measured_motion(server):
     node = MocapDevice(client(server), "quad", "board")
     seen = {"mocap/vehicle": [], "mocap/board": [], "event": []}
 
@@ -97,7 +97,7 @@ def test_silent_server_or_missing_body_is_an_error_before_arming(server):
         wire.wait_for_bodies(0.3)
 
 
-def test_a_server_that_goes_away_is_a_lost_wire(server):
+def test_mocap_wire_is_lost_when_its_server_ends(server):
     wire, got = client(server), []
     Feeder(server).until(lambda: got.extend(wire.take(0)) or len(got) > 4)
     server.drop_clients()
@@ -116,7 +116,7 @@ def test_invalid_address_raises_at_once(address):
         VrpnMocap(address, ("a",), 0)
 
 
-def test_a_missing_package_is_named(monkeypatch):
+def test_missing_mocap_package_error_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "motioncapture", None)
     with pytest.raises(WireError, match=r"needs the Python package motioncapture.*pip install 'perch-hil\[mocap\]'"):
         VrpnMocap("127.0.0.1", ("a", "b"), 0)
@@ -162,7 +162,7 @@ def test_hidden_body_and_its_return_are_reported_once():
     assert node.counters["times a body was hidden from motion capture"] == 1
 
 
-def test_garbage_is_counted_and_not_passed_on():
+def test_invalid_mocap_data_is_counted_and_not_published():
     wire, node = fake()
     wire.poses = [BodyPose("quad", 2 * MS, (math.nan, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))]
     assert step(node, 10 * MS) == []

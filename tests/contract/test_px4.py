@@ -90,7 +90,7 @@ def ends(request):
         yield *pair, lambda: stack.cable()
 
 
-def test_the_same_flight_on_every_wire(ends):
+def test_flight_is_the_same_on_every_wire(ends):
     ours, theirs, cable = ends
     frame = load_airframe("paper_quad")
     sim = Px4Sim({"api": theirs}, frame, 4)

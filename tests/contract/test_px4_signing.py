@@ -48,11 +48,11 @@ class Flight:
             self.now += 4 * MS
         return self
 
-    def said(self, part):
+    def reported(self, part):
         return any(part in text for text in self.notes)
 
 
-def test_a_whole_flight_is_signed_and_accepted_both_ways():
+def test_signed_flight_is_accepted_in_both_directions():
     flight = Flight()
     flight.run(40.0, until=lambda: flight.link.phase == "hover")
     assert flight.link.phase == "hover", flight.notes[-4:]
@@ -70,8 +70,8 @@ def test_autopilot_that_requires_signatures_ignores_an_unsigned_link():
     assert flight.judge.accepted == []
     assert flight.judge.refused > 5
     assert flight.link.phase == "failed"
-    assert flight.said("the autopilot answers no request for a parameter")
-    assert flight.said("the autopilot signs its messages and this link has no key")
+    assert flight.reported("the autopilot answers no request for a parameter")
+    assert flight.reported("the autopilot signs its messages and this link has no key")
     assert not flight.sim.truth().armed
 
 
@@ -80,7 +80,7 @@ def test_frames_with_another_key_are_ignored_both_ways():
     assert flight.judge.accepted == []
     assert flight.link.phase == "connect"
     assert flight.link.counters["unsigned_frames"] > 100
-    assert flight.said("frames without a valid signature were refused")
+    assert flight.reported("frames without a valid signature were refused")
 
 
 def test_unsigned_autopilot_is_ignored():
@@ -157,19 +157,19 @@ def test_key_file_of_the_rig_signs_and_is_not_recorded(tmp_path, case):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "expected"),
     [
         (None, "the signing key cannot be read"),
         (b"short", "has 32 bytes"),
         (bytes(32), "zeros only is not secret"),
     ],
 )
-def test_invalid_key_raises_before_anything_is_sent(tmp_path, case, content, told):
+def test_invalid_key_raises_before_the_first_frame_is_sent(tmp_path, case, content, expected):
     path = tmp_path / "vehicle.key"
     if content is not None:
         path.write_bytes(content)
         path.chmod(0o600)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=expected):
         link(path, *case)
 
 

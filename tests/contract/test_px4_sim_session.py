@@ -46,7 +46,7 @@ def test_texts_and_their_chunks_are_as_recorded(flown, link):
     assert texts == [(severity, without_numbers(text), chunk) for _, severity, text, chunk in API["texts"]]
 
 
-def test_an_answer_comes_before_its_text(flown):
+def test_px4_sends_an_answer_before_its_text(flown):
     names = [frame.name for _, frame in flown.api.log if frame.name in ("COMMAND_ACK", "STATUSTEXT")]
     assert names[:2] == ["COMMAND_ACK", "STATUSTEXT"]
 
@@ -78,7 +78,7 @@ def test_streams_run_at_the_recorded_rates(flown, link):
     assert ours == set(FACTS[link]["counts"]) | ({"COMMAND_ACK"} if link == "api" else set())
 
 
-def test_failsafe_comes_after_the_recorded_delay(flown):
+def test_failsafe_starts_after_the_recorded_delay(flown):
     last = max(ms for ms in range(0, FACTS["schedule_ms"]["stop"], 20))
     assert 1100 <= flown_ms(flown, "Failsafe") - last <= 1124  # 1.10-1.12 s, seen on the next 4 ms tick
 
@@ -142,7 +142,7 @@ def test_a_resumed_stream_brings_offboard_back(seed):
     assert 28 <= back - resumed <= 44 + 20  # 28-44 ms, seen at 50 Hz
 
 
-def test_parameters_come_as_from_px4():
+def test_parameters_are_sent_as_recorded():
     session = Session()
     session.run_until(6000)
     session.api.log.clear()

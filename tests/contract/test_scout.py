@@ -83,7 +83,7 @@ def straight(now):
     return Command(now, 1.0, 0.0)
 
 
-def test_power_on_to_driving_and_back(bench):
+def test_car_goes_from_power_on_to_driving_and_back_to_standby(bench):
     bench.fit()
     feedback = bench.run(3.0, straight)
     assert (feedback.mode, feedback.fault, feedback.rejected_frames) == ("can", "", 0)
@@ -96,7 +96,7 @@ def test_power_on_to_driving_and_back(bench):
     assert bench.car.speed == pytest.approx(0.0, abs=0.01)
 
 
-def test_cars_watchdog_stops_it_when_commands_stop(bench):
+def test_watchdog_stops_the_car_when_commands_stop(bench):
     bench.fit().run(3.0, straight)
     last = bench.now
     bench.run(0.3, lambda now: Command(last, 1.0, 0.0))  # the same command, over and over
@@ -106,7 +106,7 @@ def test_cars_watchdog_stops_it_when_commands_stop(bench):
     assert feedback.refused_commands > 90
 
 
-def test_estop_fault_and_remote_control_are_survived(bench):
+def test_driver_continues_after_estop_fault_and_remote_control(bench):
     bench.fit().run(2.0, straight)
     bench.car.press_estop()
     assert "e-stop" in bench.run(1.0, straight).fault
@@ -124,7 +124,7 @@ def test_estop_fault_and_remote_control_are_survived(bench):
     assert bench.car.speed == pytest.approx(1.0, abs=0.15)
 
 
-def test_dead_bus_is_reported(bench):
+def test_dead_can_bus_of_the_car_is_reported(bench):
     bench.fit().run(1.0, straight)
     bench.car.mute("MotionState")
     assert "silent" in bench.run(0.5, straight).fault
@@ -157,7 +157,7 @@ def hard_i(seed, bench):
     return min(bench.speeds), max(bench.speeds), max(away)
 
 
-def test_hard_i_is_driven_as_the_published_car_drove_it():
+def test_hard_i_car_speed_agrees_with_the_published_flight():
     ranges = []
     for seed in range(10):
         bench = Bench("memory, 3 ms")

@@ -44,7 +44,7 @@ def test_bytes_are_never_echoed_and_receive_never_waits(byte_ends):
 
 
 @pytest.mark.parametrize("kind", BYTE_KINDS)
-def test_a_closed_byte_wire_gives_nothing(kind):
+def test_closed_byte_wire_receives_nothing(kind):
     for a, b in opened(BYTE_KINDS[kind]):
         b.send(b"late")
         a.close()

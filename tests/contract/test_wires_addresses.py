@@ -28,7 +28,7 @@ def test_tcp_errors_are_reported_not_raised():
         TcpWire(LOCAL, port)
 
 
-def test_no_frame_over_udp_is_counted():
+def test_udp_datagram_without_a_can_frame_is_counted():
     a, b = udp_pair()
     wire = CanOverUdp(b)
     for item in (b"", b"\x01", b"\x08\x00", bytes(11), b"\x01\x11ok"):
@@ -53,7 +53,7 @@ def test_no_frame_over_udp_is_counted():
         ("serial:///dev/ttyUSB1?baud=57600", ("serial", "/dev/ttyUSB1", 57600)),
     ],
 )
-def test_addresses_of_wires(url, parts):
+def test_wire_addresses_are_parsed(url, parts):
     assert check_url(url) == parts
 
 
@@ -76,7 +76,7 @@ def test_wrong_addresses_raise_with_an_example(url):
         check_url(url)
 
 
-def test_a_wire_by_its_address():
+def test_wire_is_opened_by_its_address():
     listener = UdpWire((LOCAL, 0))
     caller = open_url(f"udp://{LOCAL}:{listener.address[1]}")
     caller.send(b"hello")

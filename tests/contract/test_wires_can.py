@@ -25,7 +25,7 @@ frames = st.builds(CanFrame, st.integers(0, 0x7FF), st.binary(max_size=8))
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sent=st.lists(frames, min_size=1, max_size=20))
-def test_frames_arrive_in_order_both_ways_and_never_come_back(can_ends, sent):
+def test_can_frames_arrive_in_order_both_ways_and_are_not_echoed(can_ends, sent):
     for sender, receiver in (can_ends, can_ends[::-1]):
         for frame in sent:
             sender.send(frame)
@@ -88,7 +88,7 @@ def test_dead_can_bus_is_counted_and_does_not_raise():
     wire.close()
 
 
-def test_unusable_can_bus_error_says_the_remedy():
+def test_unusable_can_bus_error_names_the_remedy():
     with pytest.raises(WireError, match=r"python-can knows .*socketcan"):
         open_can("soketcan", "can0")
     with pytest.raises(WireError, match="ip link set can77 up"):
@@ -117,7 +117,7 @@ def error_frame(identifier, data=bytes(8)):
     return can.Message(arbitration_id=identifier, is_error_frame=True, is_extended_id=False, data=data)
 
 
-def test_refused_frame_is_not_sent_and_refusals_in_a_row_are_trouble():
+def test_refused_can_frame_is_not_sent_and_consecutive_refusals_are_a_fault():
     bus = _ScriptedBus()
     wire = PythonCanWire(bus)
     assert wire.send(CanFrame(0x111, b"")) is True
@@ -131,7 +131,7 @@ def test_refused_frame_is_not_sent_and_refusals_in_a_row_are_trouble():
     assert wire.lost == ""
 
 
-def test_unplugged_adapter_is_trouble_at_once():
+def test_unplugged_can_adapter_is_a_fault_at_once():
     bus = _ScriptedBus()
     wire = PythonCanWire(bus, name="CAN socketcan can0")
     bus.refusal = can.CanOperationError("Failed to transmit: No such device", 19)
@@ -139,7 +139,7 @@ def test_unplugged_adapter_is_trouble_at_once():
     assert wire.lost.startswith("CAN socketcan can0: the adapter is gone or down")
 
 
-def test_bus_off_is_trouble_until_the_bus_restarts():
+def test_bus_off_is_a_fault_until_the_bus_restarts():
     bus = _ScriptedBus()
     wire = PythonCanWire(bus)
     bus.coming = [error_frame(0x40)]
@@ -151,7 +151,7 @@ def test_bus_off_is_trouble_until_the_bus_restarts():
     assert wire.errors.counts == {"bus off": 1, "restarted": 1}
 
 
-def test_error_passive_is_trouble_until_the_controller_is_active():
+def test_error_passive_is_a_fault_until_the_controller_is_active():
     bus = _ScriptedBus()
     wire = PythonCanWire(bus)
     bus.coming = [error_frame(0x04, bytes((0, 0x20, 0, 0, 0, 0, 0, 0)))]
@@ -162,7 +162,7 @@ def test_error_passive_is_trouble_until_the_controller_is_active():
     assert wire.lost == ""
 
 
-def test_only_error_frames_are_trouble_and_single_ones_are_not():
+def test_bus_with_only_error_frames_is_a_fault_and_single_error_frames_are_not():
     bus = _ScriptedBus()
     wire = PythonCanWire(bus)
     bus.coming = [error_frame(0x20) for _ in range(19)]
@@ -176,7 +176,7 @@ def test_only_error_frames_are_trouble_and_single_ones_are_not():
     assert wire.lost == ""
 
 
-def test_car_driver_counts_only_frames_that_the_bus_took():
+def test_car_driver_counts_only_frames_that_the_bus_accepted():
     """100 of 100 refused frames are no sent commands; the wire reports the trouble."""
     bus = _ScriptedBus()
     wire = PythonCanWire(bus)

@@ -1,4 +1,4 @@
-"""A serial port: raw, never in the way, and clear about its troubles."""
+"""A serial port: raw, never blocking, with clear errors."""
 
 import termios
 import time
@@ -48,7 +48,7 @@ def test_unplugged_serial_port_is_reported_not_raised():
     near.close()
 
 
-def test_serial_errors_say_the_remedy(tmp_path):
+def test_serial_errors_name_the_remedy(tmp_path):
     with pytest.raises(WireError, match="there is no serial port /dev/ttyACM77; plugged in now"):
         SerialWire("/dev/ttyACM77")
     file = tmp_path / "file"

@@ -1,4 +1,4 @@
-"""Whom a UDP wire talks to: its rules for partners, and what is no partner."""
+"""Partners of a UDP wire: the rules that choose one, and datagrams that are ignored."""
 
 import contextlib
 import socket
@@ -14,7 +14,7 @@ def at(port_wire):
     return port_wire.address
 
 
-def test_the_first_partner_is_kept_as_px4_keeps_it():
+def test_udp_keeps_its_first_partner_as_px4_does():
     with contextlib.ExitStack() as stack:
         default, first, second = (UdpWire((LOCAL, 0)) for _ in range(3))
         px4 = UdpWire((LOCAL, 0), at(default), partner="first", accept_others=True)
@@ -40,7 +40,7 @@ def test_client_drops_and_counts_other_senders():
         stranger = UdpWire((LOCAL, 0), at(client), partner="fixed")
         for wire in (client, px4, stranger):
             stack.callback(wire.close)
-        client.send(b"nobody is there yet")
+        client.send(b"no partner yet")
         assert client.send_errors == 1
         px4.send(b"hello")
         assert collect(client, bool) == [b"hello"]
@@ -51,7 +51,7 @@ def test_client_drops_and_counts_other_senders():
         assert collect(px4, bool) == [b"hi"]
 
 
-def test_rule_last_sends_to_the_last_sender():
+def test_udp_rule_last_sends_to_the_last_sender():
     with contextlib.ExitStack() as stack:
         hub = UdpWire((LOCAL, 0), partner="last")
         one, two = (UdpWire((LOCAL, 0), at(hub), partner="fixed") for _ in range(2))
@@ -64,14 +64,14 @@ def test_rule_last_sends_to_the_last_sender():
             assert collect(wire, bool) == [b"y"]
 
 
-def test_a_port_in_use_is_named():
+def test_udp_port_in_use_error_names_the_port():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind((LOCAL, 0))
         with pytest.raises(WireError, match=f"UDP port {other.getsockname()[1]} on 127.0.0.1 is in use"):
             UdpWire((LOCAL, other.getsockname()[1]))
 
 
-def test_a_partner_that_is_not_there_does_not_raise():
+def test_udp_send_to_an_absent_partner_does_not_raise():
     gone = UdpWire((LOCAL, 0))
     gone.close()
     wire = UdpWire((LOCAL, 0), (LOCAL, 9), partner="fixed")

@@ -14,7 +14,7 @@ POSE = "vrpn_Tracker Pos_Quat"
 
 
 class VrpnServer:
-    """`bodies`: name -> (position, quaternion x, y, z, w), sent whenever `tell` is called."""
+    """`bodies`: name -> (position, quaternion x, y, z, w), sent whenever `send_poses` is called."""
 
     def __init__(self):
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -47,7 +47,7 @@ class VrpnServer:
             except OSError:
                 continue
 
-    def tell(self, bodies):
+    def send_poses(self, bodies):
         """Send one pose of each body."""
         for client in self._clients:
             data = b""

@@ -1,7 +1,7 @@
 """A field without a field: autopilot, car and motion capture, each behind its real wire, in one process of its own.
 
 `python field_world.py AUTOPILOT_PORT CAN_GROUP SCENARIO`: prints {"vrpn": PORT} once everything runs, and how it stands
-when told to stop.
+when it is stopped.
 """
 
 import json
@@ -64,12 +64,12 @@ def main(port, group, name):
             for (body, (p, q)), measured in zip(bodies.items(), noise, strict=True):
                 place, _, (w, *turn), _ = measured.measure(p, STILL, q, STILL)
                 poses[body] = place, (*turn, w)
-            server.tell(poses)
+            server.send_poses(poses)
     server.close()
     bus.close()
     api.close()
-    said = {"armed": armed, "armed_now": was, "highest_m": highest, "position": autopilot.truth().position}
-    print(json.dumps(said), flush=True)
+    report = {"armed": armed, "armed_now": was, "highest_m": highest, "position": autopilot.truth().position}
+    print(json.dumps(report), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """The software PX4 like a SITL: a separate process that boots, sends first to a UDP port, and lags wall time.
 
 `python px4_process.py PORT [SPEED]`: instance 0 of a PX4 on a free port, speaking to 127.0.0.1:PORT; SPEED is PX4 time
-over wall time. Runs until told to stop; the last line that it prints says how its flight went.
+over wall time. Runs until it is stopped; the last line that it prints reports its flight.
 """
 
 import json
@@ -42,7 +42,7 @@ def main(port: int, speed: float) -> None:
         was = truth.armed
     wire.close()
     rejected = {name: count for name, count in sim.rejected.items() if count}
-    said = {
+    report = {
         "armed": armed,
         "armed_now": was,
         "highest_m": highest,
@@ -50,7 +50,7 @@ def main(port: int, speed: float) -> None:
         "fastest_fall": fall,
         "position": truth.position,
     }
-    print(json.dumps(said | {"rejected": rejected}), flush=True)
+    print(json.dumps(report | {"rejected": rejected}), flush=True)
 
 
 if __name__ == "__main__":

@@ -37,18 +37,18 @@ def test_campaign_is_stopped_resumed_counted_and_compared(tmp_path):
         if "seed 0" in line:
             break
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=120)
-    assert process.returncode == 130 and "Traceback" not in said
-    assert said.splitlines()[-1] == "perch-hil: interrupted; the same command goes on from here"
+    _, output = process.communicate(timeout=120)
+    assert process.returncode == 130 and "Traceback" not in output
+    assert output.splitlines()[-1] == "perch-hil: interrupted; the same command goes on from here"
     done = [run for run in list_runs(out) if run.manifest["state"] == "finished"]
     assert 1 <= len(done) < 6
 
     result = subprocess.run([*command, "--json"], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert f"{len(done)} of 6 flights are in" in result.stderr
-    told = json.loads(result.stdout)
-    assert [(row["policy"], row["runs"]) for row in told["counts"]] == [("planner", 3), ("planner-analytic", 3)]
-    (compared,) = told["comparisons"]
+    report = json.loads(result.stdout)
+    assert [(row["policy"], row["runs"]) for row in report["counts"]] == [("planner", 3), ("planner-analytic", 3)]
+    (compared,) = report["comparisons"]
     assert (compared["policy"], compared["against"]) == ("planner-analytic", "planner")
     assert "Policies on the same seeds" in (out / "campaign.html").read_text()
     manifests = [run.manifest for run in list_runs(out) if run.manifest["state"] == "finished"]
@@ -85,12 +85,12 @@ def test_killed_campaign_leaves_no_flight_running(tmp_path):
 
 
 def test_usage_errors_exit_2(tmp_path):
-    for more, says in (
+    for more, message in (
         (["--seeds", "5"], "write A..B"),
         (["--rig", "field"], "real devices"),
         (["--policy", "planner"], "given twice"),
     ):
         command = [*PERCH_HIL, *ASKED[:-2], *more, "--out", str(tmp_path / "x")]  # jobs: the default
         result = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert result.returncode == 2 and says in result.stderr and result.stderr.count("\n") == 1
+        assert result.returncode == 2 and message in result.stderr and result.stderr.count("\n") == 1
     assert not (tmp_path / "x").exists()

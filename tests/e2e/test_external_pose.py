@@ -13,7 +13,7 @@ from hil.recording.reader import Recording
 pytestmark = pytest.mark.slow
 
 
-def test_a_flight_on_motion_capture_alone(tmp_path):
+def test_flight_with_motion_capture_only_completes(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('title = "motion capture feeds the autopilot"\n[vehicle]\nexternal_pose = true\n')
     plan = Plan("simple-i", str(path), None, "model")

@@ -1,7 +1,7 @@
 """Live runs, a process a service: what a run leaves, and what happens to it when a service dies, stops or hangs.
 
-The machine may be busy: nothing here depends on how fast it is. An attempt may fail because of that, but the run says
-what happened, its recording can be read and replayed, and nobody is left behind. Each run takes 40 to 60 s on two
+The machine may be busy: nothing here depends on how fast it is. An attempt may fail because of that, but the run
+reports it, its recording can be read and replayed, and no process is left behind. Each run takes 40 to 60 s on two
 cores with other work on them, all of them half an hour: eleven services, each killed, stopped and hung.
 """
 
@@ -46,19 +46,19 @@ def processes(folder):
     return found
 
 
-def nobody_left(out):
+def no_process_left(out):
     until = time.monotonic() + 5.0
     while processes(out) and time.monotonic() < until:
         time.sleep(0.05)
     return not processes(out)
 
 
-def memory_left(strike):
+def memory_left(fault):
     """Files in shared memory that were the run's when it was struck, and are still there."""
-    return [name for name in strike.memory if Path("/dev/shm", name).exists()]
+    return [name for name in fault.memory if Path("/dev/shm", name).exists()]
 
 
-class Strike:
+class Fault:
     """A progress callback that hits one service `after_s` into a stage of the run."""
 
     def __init__(self, out, service, number, stage="attempt", after_s=0.3):
@@ -78,10 +78,10 @@ class Strike:
             os.kill(processes(self.out)[self.service], self.number)
 
 
-def test_a_live_run_leaves_what_a_lockstep_run_leaves_and_can_be_replayed(tmp_path):
+def test_live_run_leaves_the_files_of_a_lockstep_run_and_replays(tmp_path):
     live = fly(tmp_path)
     run = live.flight.run
-    assert nobody_left(tmp_path)
+    assert no_process_left(tmp_path)
     manifest = run.manifest
     assert (manifest["host"], manifest["identity"], manifest["state"]) == ("live", "sim", "finished")
     assert run.score is not None
@@ -124,14 +124,14 @@ def can_hang(tmp_path, monkeypatch):
 @pytest.mark.parametrize("number", [KILL, STOP, BUSY], ids=["kill", "stop", "busy"])
 @pytest.mark.parametrize("service", SERVICES)
 def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
-    out, strike = tmp_path / "runs", Strike(tmp_path, service, number)
-    live = fly(out, strike, "pictures" if service == "detector" else "model")
-    assert strike.done
-    assert nobody_left(tmp_path)
-    assert not memory_left(strike)
+    out, fault = tmp_path / "runs", Fault(tmp_path, service, number)
+    live = fly(out, fault, "pictures" if service == "detector" else "model")
+    assert fault.done
+    assert no_process_left(tmp_path)
+    assert not memory_left(fault)
     run, remarks = live.flight.run, live.summary["remarks"]
     recording = Recording(run.path)
-    said = {name: (run.path / "live" / f"{name}.log").read_text() for name in live.summary["services"]}
+    logs = {name: (run.path / "live" / f"{name}.log").read_text() for name in live.summary["services"]}
     if (service, number) == ("hub", BUSY):  # its threads go on without the interpreter: the run does not notice
         assert live.flight.failure == ""
         assert "hub had to be stopped with SIGKILL" in remarks
@@ -143,13 +143,13 @@ def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang
     assert len(truth) > 50
     assert recording.complete == (service != "recorder")
     if service == "vehicle_device":  # the simulated vehicle has ended, so nothing reports it
-        assert any(remark.startswith("vehicle_link did not say") for remark in remarks)
+        assert any(remark.startswith("vehicle_link did not report") for remark in remarks)
     elif service == "vehicle_link":  # the autopilot lands by itself
         assert truth[-1].velocity[2] < -0.2 or truth[-1].position[2] < 0.4
     elif service == "hub":  # every driver notices by itself
         for driver in ("vehicle_link", "car"):
-            assert f"{driver}: aborted" in said[driver]
-            assert f"{driver}: safe at the end" in said[driver]
+            assert f"{driver}: aborted" in logs[driver]
+            assert f"{driver}: safe at the end" in logs[driver]
     else:
         assert live.summary["services"]["vehicle_link"]["safe"]
     if service not in ("car_device", "hub", "recorder"):
@@ -160,10 +160,10 @@ def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang
 
 @pytest.mark.parametrize("stage", ["waiting", "attempt"])
 def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
-    strike = Strike(tmp_path, "", 0, stage, 0.0)
-    live = fly(tmp_path, strike)
-    assert nobody_left(tmp_path)
-    assert not memory_left(strike)
+    fault = Fault(tmp_path, "", 0, stage, 0.0)
+    live = fly(tmp_path, fault)
+    assert no_process_left(tmp_path)
+    assert not memory_left(fault)
     run = live.flight.run
     assert live.flight.interrupted
     assert run.manifest["state"] == "interrupted"
@@ -173,15 +173,15 @@ def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
 
 
 def test_services_reach_the_safe_state_when_the_supervisor_is_killed(tmp_path):
-    with (tmp_path / "said").open("wb") as said:
+    with (tmp_path / "output").open("wb") as logs:
         run = subprocess.Popen(
             [Path(sys.executable).with_name("perch-hil"), "run", "simple-ii", "--camera", "model", "--live",
-             "--pictures", "none", "--out", tmp_path / "runs"], stdout=said, stderr=said,
+             "--pictures", "none", "--out", tmp_path / "runs"], stdout=logs, stderr=logs,
         )  # fmt: skip
     until = time.monotonic() + 120.0
     while not any(path.stat().st_size > 150_000 for path in tmp_path.glob("runs/*/run.mcap")):  # it flies
         assert time.monotonic() < until
-        assert run.poll() is None, (tmp_path / "said").read_text()
+        assert run.poll() is None, (tmp_path / "output").read_text()
         time.sleep(0.05)
     run.kill()
     run.wait()

@@ -58,7 +58,7 @@ FAKE_GST = """\
 """
 
 
-def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monkeypatch):
+def test_vehicle_lands_when_the_camera_is_unplugged_in_flight(tmp_path, monkeypatch):
     flag, program = tmp_path / "pulled", tmp_path / "bin" / "gst-launch-1.0"
     program.parent.mkdir()
     program.write_text(textwrap.dedent(FAKE_GST).format(python=sys.executable, flag=str(flag)))
@@ -78,9 +78,9 @@ def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monke
     assert hovered.is_set()
     assert "camera ended with exit code 3: camera: camera pipeline v4l2src is gone" in live.flight.failure
     assert "Could not read from resource" in live.flight.failure
-    said = events(live.flight.run)
-    assert any(source == "camera" and severity == "error" and "is gone" in text for severity, source, text in said)
-    assert any("AUTO.LAND" in text for _, _, text in said)
+    texts = events(live.flight.run)
+    assert any(source == "camera" and severity == "error" and "is gone" in text for severity, source, text in texts)
+    assert any("AUTO.LAND" in text for _, _, text in texts)
     recording = Recording(live.flight.run.path)
     assert recording.complete
     assert live.flight.counters["cameras lost"] == 1
@@ -89,18 +89,18 @@ def test_a_camera_that_is_pulled_out_in_flight_ends_in_a_landing(tmp_path, monke
 
 
 @pytest.mark.parametrize(
-    ("rig", "told"),
+    ("rig", "expected"),
     [
         ('[camera]\nkind = "v4l2"\ndevice = "/dev/video77"', "camera ended with exit code 3: .*no camera /dev/video77"),
         ('[vehicle]\nkind = "mavlink"\nurl = "udp://:{port}"', "vehicle_link ended with .* 3: .*{port}.* is in use"),
         ('[groundcar]\nkind = "can"\nchannel = "nocan9"', "car ended with exit code 3: .*CAN socketcan nocan9"),
     ],
 )  # fmt: skip
-def test_missing_device_ends_the_run_before_motion_with_one_line(tmp_path, rig, told):
+def test_missing_device_ends_the_run_before_motion_with_one_line(tmp_path, rig, expected):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("0.0.0.0", 0))
         port = str(other.getsockname()[1])
-        with pytest.raises(SupervisorError, match=told.replace("{port}", port)) as raised:
+        with pytest.raises(SupervisorError, match=expected.replace("{port}", port)) as raised:
             fly(tmp_path, 'title = "mine"\n' + rig.replace("{port}", port), names={"camera": None})
     assert "\n" not in str(raised.value)
 
@@ -124,7 +124,7 @@ class Car(threading.Thread):
         self.bus.close()
 
 
-def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
+def test_car_on_a_can_bus_is_driven_and_measured_by_simulated_sensors(tmp_path):
     try:
         car = Car(GROUP)
     except WireError as error:
@@ -142,16 +142,16 @@ def test_a_car_on_a_real_bus_is_driven_and_seen_by_simulated_sensors(tmp_path):
     standing = abs(float(car.sim.board_row(0.0, 0.0)[board_row.SPEED]))
     car.ended.set()
     car.join()
-    said = events(live.flight.run)
-    assert live.flight.failure == "", said[-6:]
-    assert any(text == "stage attempt" for _, _, text in said)
+    texts = events(live.flight.run)
+    assert live.flight.failure == "", texts[-6:]
+    assert any(text == "stage attempt" for _, _, text in texts)
     boards = [e.message for e in Recording(live.flight.run.path).messages(["truth/board"])]
     assert max(b.speed for b in boards) > 0.3
     assert car.fastest > 0.3
     assert standing < 0.05
 
 
-class Mirror(threading.Thread):
+class TruthStream(threading.Thread):
     """Streams the true poses of vehicle and board over VRPN, taken from the bus of a live run."""
 
     def __init__(self, server, endpoint, names):
@@ -176,23 +176,23 @@ class Mirror(threading.Thread):
                     bus.subscribe("status", ["truth/vehicle", "truth/board"], mailbox)
                 except BusError:
                     bus = None
-            for letter in mailbox.drain():
-                name = "quad" if letter.topic == "truth/vehicle" else "board"
-                self.poses[name] = (letter.message.position, letter.message.orientation)
+            for delivery in mailbox.drain():
+                name = "quad" if delivery.topic == "truth/vehicle" else "board"
+                self.poses[name] = (delivery.message.position, delivery.message.orientation)
             count += 1
             shake = 1e-5 * (count % 2)  # a real system never sends the same pose twice
-            self.server.tell({n: ((p[0] + shake, *p[1:]), (*q[1:], q[0])) for n, (p, q) in self.poses.items()})
+            self.server.send_poses({n: ((p[0] + shake, *p[1:]), (*q[1:], q[0])) for n, (p, q) in self.poses.items()})
         if bus is not None:
             bus.close()
         mailbox.close()
 
 
-def test_vrpn_carries_the_referee_the_car_and_the_autopilot(tmp_path):
+def test_vrpn_poses_reach_the_referee_the_car_and_the_autopilot(tmp_path):
     pytest.importorskip("motioncapture", reason="kind vrpn: the package motioncapture is not installed")
     server = VrpnServer()
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    mirror = Mirror(server, endpoint, "simple-i")
-    mirror.start()
+    stream = TruthStream(server, endpoint, "simple-i")
+    stream.start()
     rig = f"""
         title = "motion capture over VRPN"
         [vehicle]
@@ -206,12 +206,12 @@ def test_vrpn_carries_the_referee_the_car_and_the_autopilot(tmp_path):
     try:
         live = fly(tmp_path, rig, endpoint=endpoint, names={"camera": "model"})
     finally:
-        mirror.ended.set()
-        mirror.join()
+        stream.ended.set()
+        stream.join()
         server.close()
-    said = events(live.flight.run)
-    assert live.flight.failure == "", said[-6:]
-    assert any(text == "stage attempt" for _, _, text in said)
+    texts = events(live.flight.run)
+    assert live.flight.failure == "", texts[-6:]
+    assert any(text == "stage attempt" for _, _, text in texts)
     recording = Recording(live.flight.run.path)
     seen = [e.message for e in recording.messages(["mocap/vehicle"])]
     assert len(seen) > 500

@@ -74,7 +74,7 @@ def rig(tmp_path, monkeypatch):
     world.communicate(timeout=20)
 
 
-def test_everything_real_flies_there_and_back(rig, tmp_path):
+def test_rig_with_only_real_links_flies_and_returns(rig, tmp_path):
     path, world = rig
     assert not {"vehicle_device", "car_device"} & set(node_names(load_rig(str(path))))
     names = {"scenario": "simple-i", "rig": str(path), "policy": None, "camera": None}
@@ -83,7 +83,7 @@ def test_everything_real_flies_there_and_back(rig, tmp_path):
         progress=lambda now_ns, what: None,
     )  # fmt: skip
     world.terminate()
-    told = json.loads(world.communicate(timeout=20)[0])
+    report = json.loads(world.communicate(timeout=20)[0])
     recording = Recording(live.flight.run.path)
     events = [e.message.text for e in recording.messages(["event"])]
     assert live.flight.failure == "", events[-6:]
@@ -93,6 +93,6 @@ def test_everything_real_flies_there_and_back(rig, tmp_path):
     for topic in ("mocap/vehicle", "mocap/board", "car/feedback", "car/sent", "vehicle/odometry", "board/detection"):
         assert counts[f"/perch/{topic}"] > 50, topic
     assert not {"/perch/truth/vehicle", "/perch/truth/board"} & {t for t, n in counts.items() if n}
-    assert (told["armed"], told["armed_now"]) == (1, False)
-    assert told["highest_m"] > 1.0
-    assert told["position"][2] < 0.3
+    assert (report["armed"], report["armed_now"]) == (1, False)
+    assert report["highest_m"] > 1.0
+    assert report["position"][2] < 0.3

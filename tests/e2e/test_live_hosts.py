@@ -79,7 +79,7 @@ def keys(hosts, tmp_path):
 
 @pytest.fixture
 def start(hosts, tmp_path):
-    """Starts `perch-hil ...` on a host; `.said()` is its output once it has ended."""
+    """Starts `perch-hil ...` on a host; `.output()` is its output once it has ended."""
     running = []
 
     def started(host, *words):
@@ -91,7 +91,7 @@ def start(hosts, tmp_path):
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-        process.said = lambda: log.read_text()
+        process.output = lambda: log.read_text()
         running.append(process)
         return process
 
@@ -123,10 +123,10 @@ def folder(tmp_path):
     return found
 
 
-def test_a_run_is_flown_by_a_brain_on_another_host(hosts, keys, start, tmp_path):
+def test_run_completes_with_the_policy_service_on_another_host(hosts, keys, start, tmp_path):
     run, node = both(hosts, keys, start, tmp_path)
-    assert run.wait(LIMIT_S) in (0, 1), run.said()
-    assert node.wait(30) == 0, node.said()
+    assert run.wait(LIMIT_S) in (0, 1), run.output()
+    assert node.wait(30) == 0, node.output()
     path = folder(tmp_path)
     table = json.loads((path / "live.json").read_text())
     assert table["ended"]["trouble"] == ""
@@ -134,7 +134,7 @@ def test_a_run_is_flown_by_a_brain_on_another_host(hosts, keys, start, tmp_path)
     if hosts.apart:
         assert not clock["shared"]
         assert abs(clock["offset_ns"] + AHEAD_S * 1e9) < 2 * clock["error_ns"] + 1e6
-        assert "brain: on another host; its clock is +" in run.said()
+        assert "brain: on another host; its clock is +" in run.output()
         events = [entry.message.text for entry in Recording(path).messages(["event"])]
         assert any(text.startswith("brain: on another host") for text in events)
     else:
@@ -150,7 +150,7 @@ def test_a_run_is_flown_by_a_brain_on_another_host(hosts, keys, start, tmp_path)
 def test_a_node_of_another_run_is_refused(hosts, keys, start, tmp_path):
     run, node = both(hosts, keys, start, tmp_path, node_seed=4)
     assert run.wait(LIMIT_S) == 3
-    assert "brain was started for another run" in run.said()
+    assert "brain was started for another run" in run.output()
     assert node.wait(30) == 0
 
 
@@ -171,21 +171,21 @@ def test_cut_connection_is_reported_on_both_hosts_and_both_end(hosts, keys, star
     run, node = both(hosts, keys, start, tmp_path)
     until(lambda: recording(tmp_path) or run.poll() is not None)
     hosts.cut()
-    assert run.wait(LIMIT_S) == 3, run.said()
-    assert "could not run: brain" in run.said()
-    assert node.wait(60) == 3, node.said()
-    assert "brain: aborted" in node.said()
-    assert "supervisor and hub are silent" in node.said()
+    assert run.wait(LIMIT_S) == 3, run.output()
+    assert "could not run: brain" in run.output()
+    assert node.wait(60) == 3, node.output()
+    assert "brain: aborted" in node.output()
+    assert "supervisor and hub are silent" in node.output()
     assert Recording(folder(tmp_path)).complete
 
 
-def test_a_host_that_dies_leaves_no_node_behind(hosts, keys, start, tmp_path):
+def test_node_ends_when_its_host_process_is_killed(hosts, keys, start, tmp_path):
     run, node = both(hosts, keys, start, tmp_path)
     until(lambda: recording(tmp_path) or run.poll() is not None)
     run.kill()  # the supervisor itself: `ip netns exec` has become it
     run.wait(10)
-    assert node.wait(60) == 3, node.said()
-    assert "nothing received from supervisor and hub" in node.said()
+    assert node.wait(60) == 3, node.output()
+    assert "nothing received from supervisor and hub" in node.output()
     until(lambda: not served(tmp_path), 60.0)
     assert sum(1 for _ in Recording(folder(tmp_path)).messages(["truth/vehicle"])) > 50
 

@@ -27,17 +27,17 @@ PROGRAM = Path(__file__).parent / "px4_process.py"
 
 @contextlib.contextmanager
 def autopilot(port, speed):
-    """A running PX4; afterwards `told` holds its report of the flights."""
+    """A running PX4; the dict that it yields holds its report of the flights at the end."""
     process = subprocess.Popen(
         [sys.executable, str(PROGRAM), str(port), str(speed)], stdout=subprocess.PIPE, text=True, bufsize=1
     )
-    told = {}
+    report = {}
     try:
         assert process.stdout.readline() == "booted\n"
-        yield told
+        yield report
     finally:
         process.terminate()
-        told |= json.loads(process.communicate(timeout=20)[0])
+        report |= json.loads(process.communicate(timeout=20)[0])
 
 
 @pytest.fixture
@@ -57,16 +57,16 @@ def fly(names, out, progress=lambda now_ns, what: None):
     )  # fmt: skip
 
 
-def said(run):
+def event_texts(run):
     return [entry.message.text for entry in Recording(run.path).messages(["event"])]
 
 
-def test_two_flights_in_a_row_on_one_autopilot(site, tmp_path):
+def test_one_autopilot_flies_two_flights_in_a_row(site, tmp_path):
     port, names = site
-    with autopilot(port, 0.97) as told:
+    with autopilot(port, 0.97) as report:
         for flight in range(2):
             live = fly(names, tmp_path / "runs")
-            events = said(live.flight.run)
+            events = event_texts(live.flight.run)
             assert live.flight.failure == "", events[-6:]
             assert live.flight.run.manifest["identity"] == "real"
             for text in ("stage attempt", "mode AUTO.TAKEOFF", "mode OFFBOARD"):
@@ -84,50 +84,50 @@ def test_two_flights_in_a_row_on_one_autopilot(site, tmp_path):
             sent = [e.message for e in recording.messages(["vehicle/sent"])]
             assert len(sent) > 100, "a second of body rates at least"
             assert 0.3 < statuses[-1].hover_thrust < 0.7
-    assert told["armed"] == 2
-    assert not told["armed_now"]
-    assert told["position"][2] < 0.2
-    assert set(told["rejected"]) <= {"ignored_frames"}
-    assert told["fastest_fall"] < 4.0, "nothing fell: the board is virtual, the motors went on"
+    assert report["armed"] == 2
+    assert not report["armed_now"]
+    assert report["position"][2] < 0.2
+    assert set(report["rejected"]) <= {"ignored_frames"}
+    assert report["fastest_fall"] < 4.0, "nothing fell: the board is virtual, the motors went on"
 
 
-def test_when_the_brain_dies_the_vehicle_lands_and_disarms(site, tmp_path):
+def test_vehicle_lands_and_disarms_when_the_policy_service_is_killed(site, tmp_path):
     port, names = site
     out = tmp_path / "runs"
     done = []
 
-    def strike(now_ns, stage):
+    def inject_fault(now_ns, stage):
         if stage == "attempt" and not done:
             done.append(service(out, "brain"))
             os.kill(done[0], signal.SIGKILL)
 
-    with autopilot(port, 0.97) as told:
-        live = fly(names, out, strike)
+    with autopilot(port, 0.97) as report:
+        live = fly(names, out, inject_fault)
         assert "brain was killed by SIGKILL" in live.flight.failure
-        events = said(live.flight.run)
+        events = event_texts(live.flight.run)
         assert "mode AUTO.LAND" in events
         assert Recording(live.flight.run.path).complete
-    assert (told["armed"], told["armed_now"]) == (1, False)
-    assert told["position"][2] < 0.2
+    assert (report["armed"], report["armed_now"]) == (1, False)
+    assert report["position"][2] < 0.2
 
 
 def test_silent_autopilot_in_flight_is_reported_and_recording_complete(site, tmp_path):
     port, names = site
     process = subprocess.Popen([sys.executable, str(PROGRAM), str(port), "0.97"], stdout=subprocess.PIPE, text=True)
 
-    def strike(now_ns, stage):
+    def inject_fault(now_ns, stage):
         if stage == "attempt" and process.poll() is None:
             process.kill()
 
     try:
         assert process.stdout.readline() == "booted\n"
-        live = fly(names, tmp_path / "runs", strike)
+        live = fly(names, tmp_path / "runs", inject_fault)
     finally:
         process.kill()
         process.communicate(timeout=20)
     assert "has not published" in live.flight.failure
     assert live.flight.run.manifest["state"] == "failed"
-    assert "link lost: no HEARTBEAT for 3 s" in said(live.flight.run)
+    assert "link lost: no HEARTBEAT for 3 s" in event_texts(live.flight.run)
     assert Recording(live.flight.run.path).complete
 
 

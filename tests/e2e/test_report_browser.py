@@ -39,15 +39,15 @@ def report(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def opened(browser):
-    """Opens a file in a window of a size; fails if the page said or asked for anything."""
-    said: list[str] = []
+    """Opens a file in a window of a size; fails if the page logged or requested anything."""
+    logged: list[str] = []
     pages = []
 
     def open_(path: Path, size: dict[str, int]):
         tab = browser.new_page(viewport=size)
-        tab.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
-        tab.on("pageerror", lambda error: said.append(f"error: {error}"))
-        tab.on("request", lambda request: said.append(request.url) if not _local(request.url) else None)
+        tab.on("console", lambda message: logged.append(f"{message.type}: {message.text}"))
+        tab.on("pageerror", lambda error: logged.append(f"error: {error}"))
+        tab.on("request", lambda request: logged.append(request.url) if not _local(request.url) else None)
         tab.goto(path.as_uri())
         pages.append(tab)
         return tab
@@ -55,7 +55,7 @@ def opened(browser):
     yield open_
     for tab in pages:
         tab.close()
-    assert said == []
+    assert logged == []
 
 
 def _local(url: str) -> bool:
@@ -87,7 +87,7 @@ def drag(tab, ident: str, start: float, end: float) -> None:
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_every_plot_is_drawn_and_nothing_sticks_out(opened, report, size):
+def test_every_plot_is_drawn_within_the_page(opened, report, size):
     tab = opened(report, size)
     assert tab.evaluate("document.documentElement.dataset.ready") == "yes"
     plots = tab.evaluate(
@@ -116,7 +116,7 @@ def test_zoom_is_linked_between_plots(opened, report):
     assert view(tab) == home
 
 
-def test_buttons_and_a_click_that_is_no_drag(opened, report):
+def test_zoom_buttons_work_and_a_click_is_not_a_drag(opened, report):
     tab = opened(report, DESKTOP)
     home = view(tab)
     tab.get_by_role("button", name="last second").click()
@@ -146,7 +146,7 @@ def test_values_are_read_under_the_pointer(opened, report):
     assert tab.locator("#now").inner_text().endswith(" s")
 
 
-def test_touch_zooms_on_a_phone(browser, report):
+def test_pinch_zooms_on_a_phone(browser, report):
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     tab = context.new_page()
     tab.goto(report.as_uri())
@@ -154,13 +154,13 @@ def test_touch_zooms_on_a_phone(browser, report):
     svg = tab.locator("#plot-0-speed svg")
     svg.scroll_into_view_if_needed()
     box = svg.bounding_box()
-    touch = context.new_cdp_session(tab)
+    session = context.new_cdp_session(tab)
     y = box["y"] + 60
     xs = [box["x"] + box["width"] * f for f in (0.3, 0.45, 0.6, 0.8)]
-    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": xs[0], "y": y}]})
+    session.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": xs[0], "y": y}]})
     for x in xs[1:]:
-        touch.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y}]})
-    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        session.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y}]})
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     settled(tab)
     low, high = view(tab)
     context.close()
@@ -191,14 +191,14 @@ def test_two_flights_share_the_axis_and_the_scale(opened, tmp_path):
     assert ticks[0] == ticks[1] != []
 
 
-def test_report_prints(opened, report, tmp_path):
+def test_report_prints_on_a_bounded_number_of_pages(opened, report, tmp_path):
     tab = opened(report, DESKTOP)
     tab.pdf(path=tmp_path / "report.pdf")
     data = (tmp_path / "report.pdf").read_bytes()
     assert data.startswith(b"%PDF") and 3 <= data.count(b"/Type /Page\n") + data.count(b"/Type /Page ") <= 16
 
 
-def test_without_a_script_the_verdict_and_figures_are_there(browser, report):
+def test_report_without_scripts_shows_verdict_and_figures(browser, report):
     context = browser.new_context(java_script_enabled=False)
     tab = context.new_page()
     tab.goto(report.as_uri())
@@ -208,7 +208,7 @@ def test_without_a_script_the_verdict_and_figures_are_there(browser, report):
     context.close()
 
 
-def test_a_broken_recording_draws_too(opened, tmp_path):
+def test_report_of_a_truncated_recording_is_drawn(opened, tmp_path):
     run = shutil.copytree(GOLDEN, tmp_path / "run")
     data = (run / "run.mcap").read_bytes()
     (run / "run.mcap").write_bytes(data[: int(len(data) * 0.6)])
@@ -220,7 +220,7 @@ def test_a_broken_recording_draws_too(opened, tmp_path):
     assert tab.locator("figure.plot path.line").count() > 5
 
 
-def test_the_campaign_opens(opened, tmp_path):
+def test_campaign_page_opens(opened, tmp_path):
     for seed in range(3):
         run = shutil.copytree(GOLDEN, tmp_path / "runs" / f"seed{seed}")
         manifest = json.loads((run / "manifest.json").read_text())

@@ -64,15 +64,15 @@ def test_every_scenario_flies_and_leaves_a_complete_run(name, tmp_path):
     assert metrics["duration"] > 0.5
     assert metrics["commands"] > 50
     assert metrics["perception_found_hz"] > 0.0
-    touched = score["outcome"] == "success"
+    made_contact = score["outcome"] == "success"
     for of_contact in ("x", "y", "planar", "normal_alignment_deg", "impact_normal", "impact_tangential"):
-        assert metrics[of_contact] is not None or not touched
+        assert metrics[of_contact] is not None or not made_contact
     assert all(math.isfinite(value) for value in metrics.values() if isinstance(value, float))
-    holds_what_it_should(run.path)
+    check_invariants(run.path)
 
 
-def holds_what_it_should(path):
-    """What must be true of every simulated flight, however it ended."""
+def check_invariants(path):
+    """Checks what is true of every simulated flight, for every outcome."""
     recording = Recording(path)
     assert (recording.complete, recording.faults) == (True, [])
     counts = recording.counts()
@@ -125,14 +125,14 @@ def test_scenario_with_pictures_perches(tmp_path, code):
     assert sum(score.within_tolerance for score in scores) >= 3, [score.reason for score in scores]
 
 
-def test_with_pictures_a_second_run_is_the_same_byte_for_byte(tmp_path, code):
+def test_second_run_with_pictures_is_equal_byte_for_byte(tmp_path, code):
     one, two = (flown_with_pictures(3, tmp_path / again, code) for again in ("a", "b"))
     result = diff_runs(one.run.path, two.run.path)
     assert result.identical, result.lines()
     assert result.messages > 10_000
 
 
-def test_another_seed_is_another_flight(tmp_path):
+def test_flights_of_different_seeds_differ(tmp_path):
     arguments = ["run", "simple-i", "--camera", "model", "--seeds", "1..2", "--json", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, arguments)
     one, two = (json.loads(line) for line in result.stdout.splitlines())
@@ -142,8 +142,8 @@ def test_another_seed_is_another_flight(tmp_path):
 
 def test_with_raw_pictures_the_detector_can_be_replayed(tmp_path):
     arguments = ["run", "simple-i", "--pictures", "raw", "--json", "--out", str(tmp_path)]
-    told = json.loads(CliRunner().invoke(app, arguments).stdout)
-    found = replay_run(told["run_dir"], ["detector"])
+    report = json.loads(CliRunner().invoke(app, arguments).stdout)
+    found = replay_run(report["run_dir"], ["detector"])
     assert found.same, found.lines()
     assert any("board/detection" in line for line in found.lines())
 
@@ -172,7 +172,7 @@ def interrupt(out, signal_number):
     return process.returncode, stderr, folder
 
 
-def test_ctrl_c_leaves_a_finished_recording_and_says_so(tmp_path):
+def test_ctrl_c_leaves_a_finished_recording_and_reports_it(tmp_path):
     exit_code, stderr, folder = interrupt(tmp_path, signal.SIGINT)
     assert exit_code == 130, stderr
     assert "Traceback" not in stderr
@@ -186,7 +186,7 @@ def test_ctrl_c_leaves_a_finished_recording_and_says_so(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL is POSIX")
-def test_a_killed_run_leaves_what_was_flushed(tmp_path):
+def test_killed_run_leaves_a_readable_recording_up_to_the_last_flush(tmp_path):
     exit_code, _, folder = interrupt(tmp_path, signal.SIGKILL)
     assert exit_code == -signal.SIGKILL
     run = open_run(folder)
@@ -200,7 +200,7 @@ def test_a_killed_run_leaves_what_was_flushed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "expected_text"),
     [
         (["easy-iii"], "easy-iii"),
         (["simple-i", "--rig", "no_such_rig"], "no_such_rig"),
@@ -212,7 +212,7 @@ def test_a_killed_run_leaves_what_was_flushed(tmp_path):
         (["{tmp}/scenario.toml"], "scenario.toml"),
     ],
 )
-def test_usage_error_is_one_line_exit_2_and_nothing_is_written(arguments, says, tmp_path):
+def test_usage_error_is_one_line_exit_2_and_leaves_no_file(arguments, expected_text, tmp_path):
     (tmp_path / "broken.onnx").write_bytes(b"\x08\x07 not a network")
     (tmp_path / "rig.toml").write_text('title = "mine"\n[vehicel]\nkind = "sim"\n')
     (tmp_path / "scenario.toml").write_text('name = "mine"\n[path\n')
@@ -223,5 +223,5 @@ def test_usage_error_is_one_line_exit_2_and_nothing_is_written(arguments, says, 
     assert result.stdout == ""
     (line,) = result.stderr.strip().splitlines()
     assert line.startswith("perch-hil: ")
-    assert says in line
+    assert expected_text in line
     assert not out.exists()

@@ -1,4 +1,4 @@
-"""The structure of the project, read from its imports: order of packages, what may reach what, who reads a clock."""
+"""The structure of the project, read from its imports: order of packages, allowed imports, readers of a clock."""
 
 from __future__ import annotations
 
@@ -140,12 +140,12 @@ def test_no_import_circle_between_files():
         ("vehicle.px4.sim.view", "vehicle.px4.sim.messages"),
     ],
 )
-def test_a_circle_that_was_once_there_would_be_found(back):
+def test_added_import_circle_is_found(back):
     module, other = back
     assert circles({**imports(), module: imports()[module] | {other}})
 
 
-def test_what_flies_reaches_no_learning_library():
+def test_flight_packages_import_no_learning_library():
     assert not libraries(FLIES) & LEARNING_LIBRARIES
 
 

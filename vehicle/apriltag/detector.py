@@ -1,4 +1,4 @@
-"""The board's pose from one picture: search regions, selection of tags, choice between two mirrored poses."""
+"""The board's pose from one picture: search regions, selection of tags, choice between two ambiguous poses."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class DetectorSettings:
     """Thresholds; the defaults were measured on rendered pictures (benchmarks/bench_camera.py)."""
 
     # Least contrast of an edge, DN: a share of the searched part's own contrast, and never more than this. High values
-    # save time in clutter, a fixed one is blind in poor light
+    # save time in clutter, a fixed one finds nothing in poor light
     min_white_black_diff: int = 30
     contrast_share: float = 0.2
     decode_sharpening: float = 0.25
@@ -37,7 +37,7 @@ class DetectorSettings:
     max_normal_sigma: float = math.radians(5.0)
     max_rms: float = 1.5  # px, of several tags
     max_rms_single: float = 0.6  # px; four corners fit almost anything, so a lone tag must fit well
-    ambiguity_rms: float = 1.0  # px, mirrored poses whose rms differ by less are both possible: ask the prior
+    ambiguity_rms: float = 1.0  # px, two poses whose rms differ by less are both possible: the prior decides
     prior_angle: float = 0.35  # rad; a prior farther from both than this is not used: the board was lost
     # Where neither prior nor horizon decides, the better pose is accepted if the other one's rms is clear_rms (px)
     # larger, or clear_ratio times as large; an rms below sharp_rms (px) counts as sharp_rms
@@ -98,10 +98,10 @@ class BoardDetector:
     ) -> BoardPose:
         """Look for the board in `image` ((height, width) uint8).
 
-        `prior`: where it is expected, (R (3, 3), p (3,) m) in the optical frame: narrows the search and chooses between
-        mirrored poses. `up`: the world's up in the optical frame (3,); the board's y axis is horizontal on a car, which
-        chooses between mirrored poses when there is no prior. A prior that is not finite is counted and ignored. Raises
-        ValueError for a picture of another size or type.
+        `prior`: where it is expected, (R (3, 3), p (3,) m) in the optical frame: narrows the search and decides
+        between ambiguous poses. `up`: the world's up in the optical frame (3,); the board's y axis is horizontal on a
+        car, which decides between ambiguous poses when there is no prior. A prior that is not finite is counted and
+        ignored. Raises ValueError for a picture of another size or type.
         """
         if image.shape != (self.camera.height, self.camera.width) or image.dtype != np.uint8:
             expected = f"({self.camera.height}, {self.camera.width}) uint8"
@@ -208,7 +208,7 @@ class BoardDetector:
             level = sorted(rivals, key=lambda fit: abs(float(fit.R[:, 1] @ up)))
             if abs(float(level[1].R[:, 1] @ up)) - abs(float(level[0].R[:, 1] @ up)) > 0.05:
                 return level[0], False
-        # Straight behind the board the mirrored pose is level too; without a detection it would stay ambiguous
+        # Straight behind the board the second pose is level too; without a detection it would stay ambiguous
         s, other = self.settings, min(fit.rms for fit in others)
         return best, other < min(best.rms + s.clear_rms, s.clear_ratio * max(best.rms, s.sharp_rms))
 

@@ -109,7 +109,7 @@ class TagDetector:
         settings = self._detector.contents
         if settings.qtp.min_cluster_pixels != 5 or settings.qtp.min_white_black_diff != 5:
             raise RuntimeError("this pyapriltags wheel has another detector layout; install pyapriltags 3.4.3.1")
-        # A family of its own: destroying a detector frees the decode table that hangs on its family
+        # A family of its own: destroying a detector frees the decode table of its family
         self._family = self._lib.tag36h11_create()
         self._lib.apriltag_detector_add_family_bits(self._detector, self._family, 2)
         settings.nthreads = 1

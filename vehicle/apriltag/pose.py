@@ -128,8 +128,8 @@ def fit_poses(
     """Poses that explain corners of a planar board, the lowest rms first; empty if none does.
 
     `points` (n, 3) m in the board frame with z = 0, `pixels` (n, 2) and their one-sigmas (n,), n >= 4; `matrix` the
-    intrinsics. A planar target far away has two explanations mirrored about the line of sight: both are refined, and so
-    is `guess` (R (3, 3), p (3,) m), because at grazing views the closed form can miss the true one.
+    intrinsics. A planar target far away has two solutions, reflections of each other about the line of sight: both are
+    refined, and so is `guess` (R (3, 3), p (3,) m), because at grazing views the closed form can miss the true one.
     """
     starts = [] if guess is None else [(guess[0].copy(), guess[1].copy())]
     try:

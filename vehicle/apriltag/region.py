@@ -1,4 +1,4 @@
-"""Where in the picture to look for the board, and how coarsely, given where it is expected."""
+"""Search regions of a picture and their decimation, from the expected pose of the board."""
 
 from __future__ import annotations
 

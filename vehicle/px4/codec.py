@@ -1,6 +1,6 @@
 """MAVLink 2 framing from pymavlink's own message tables: as its `pack`, but a few microseconds a message.
 
-Packing walks no Python attributes and parsing decodes fields only when they are read, so that the software PX4 can send
+Packing reads no Python attributes and parsing decodes fields only when they are read, so that the software PX4 can send
 its 430 messages a second at little cost. Tests compare every message with pymavlink's bytes.
 """
 
@@ -108,7 +108,7 @@ class Parser:
                 later = self._valid_after(buffer, at)
                 if later < 0:
                     break
-                self.garbage_bytes += later - at  # a mark in garbage must not hold back what follows it
+                self.garbage_bytes += later - at  # a start byte in garbage must not delay the frames after it
                 at = later
                 continue
             frame, known = self._check(buffer, at, header, stop, total)

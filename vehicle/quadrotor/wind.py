@@ -1,4 +1,4 @@
-"""Wind: a mean and gusts that come and go, as a velocity of the air in the world."""
+"""Wind: a mean and random gusts, as a velocity of the air in the world."""
 
 from __future__ import annotations
 

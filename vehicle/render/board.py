@@ -47,7 +47,7 @@ def sample_offsets(count, out):
 
 @njit
 def face_box(vehicle, board, exposure, cam, half, width, height, box):
-    """Pixels that the face touches during the exposure: `box` (4,) int64 = u0, v0, u1, v1, ends exclusive.
+    """Pixels that the face covers during the exposure: `box` (4,) int64 = u0, v0, u1, v1, ends exclusive.
 
     Returns (longest motion of a corner in px, True if the front face is seen and in the picture).
     """

@@ -1,4 +1,4 @@
-"""Where the board stands in the camera at a moment of the exposure, from poses and twists: kernels of the renderer.
+"""Pose of the board in the camera at a time within the exposure, from poses and twists: kernels of the renderer.
 
 A motion row is (13,): position (m, world), velocity (m/s, world), quaternion (world from body, w x y z), body rate
 (rad/s, own body frame): the first thirteen numbers of a vehicle state row, and the same for the board.

@@ -1,4 +1,4 @@
-"""The solid things around the board's face: slab, mast, car and their shadow, as flat-shaded convex faces."""
+"""The solid objects around the board's face: slab, mast, car and their shadow, as flat-shaded convex faces."""
 
 from __future__ import annotations
 

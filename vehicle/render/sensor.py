@@ -1,4 +1,4 @@
-"""What lens and sensor add to a picture: vignetting, gain, shot and read noise, seeded by frame."""
+"""Effects of lens and sensor on a picture: vignetting, gain, shot and read noise, seeded by frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plots over time as data for the page's script: series in, one table of packed arrays out."""
+"""Plots over time as data for the page's script: time series in, one table of packed arrays out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.report.recorded.flight import Recorded
 
-# One colour a role, the same in every plot and figure; told apart in grey by dashes and dots.
+# One colour per role, the same in every plot and figure; in grey, dashes and dots distinguish them.
 VEHICLE, BOARD, BELIEF, SEEN, ASKED, MUTED, BAD = (
     "#1259a8", "#c2570c", "#7b3fa0", "#12805c", "#8a8f98", "#8a8f98", "#c4262e",
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a section of the report is made of: static markup, plots over time, and what it had to leave out."""
+"""A section of the report: static markup, plots over time, and the plots that could not be drawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages of one topic as columns, read when they are asked for: what plots are made of."""
+"""Messages of one topic as columns for plots, decoded on first access."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class Messages(Sequence[Any]):
             try:
                 for where, rows, spans in layouts(self.data, self.offsets[first : first + _BATCH + 1]):
                     kinds = [rows[:, spans[n].start : spans[n].end] for n in texts if n in spans]
-                    told = [text.tobytes() for text in np.concatenate(kinds, axis=1)] if kinds else [b""] * len(rows)
-                    one_each = {text: i for i, text in enumerate(told)}  # of equal layout and texts, one tells of all
+                    joined = [text.tobytes() for text in np.concatenate(kinds, axis=1)] if kinds else [b""] * len(rows)
+                    one_each = {text: i for i, text in enumerate(joined)}  # equal layout and texts: one fault for all
                     wrong = {text: why for text, i in one_each.items() if (why := self._fault(first + int(where[i])))}
-                    bad.update({first + int(where[i]): wrong[text] for i, text in enumerate(told) if text in wrong})
+                    bad.update({first + int(where[i]): wrong[text] for i, text in enumerate(joined) if text in wrong})
             except ValueError:
                 each = range(first, min(first + _BATCH, len(self)))
                 bad.update({i: why for i in each if (why := self._fault(i))})

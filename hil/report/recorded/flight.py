@@ -1,4 +1,4 @@
-"""One run, opened for reporting: what its folder and its recording hold, and what they do not."""
+"""One run, opened for reporting: the content of its folder and of its recording, and what they lack."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ _MAGNET_BELOW, _FOOTPRINT = 0.04, 0.13
 class Recorded:
     """A run's folder, or a bare recording. Times are int64 ns of the run's clock; `seconds` is the plots' axis.
 
-    `score` is the table of score.json, or None; `rescored` is what the recording says now, None without a scenario.
+    `score` is the table of score.json, or None; `rescored` is the score by the current code,
+    None without a scenario.
     """
 
     path: Path
@@ -45,7 +46,7 @@ class Recorded:
     topics: dict[str, Columns]
     rescored: Score | None
     live: dict[str, Any] = field(default_factory=dict)  # live.json: how a live run kept its time
-    notes: list[str] = field(default_factory=list)  # what about the folder itself a reader must know
+    notes: list[str] = field(default_factory=list)  # remarks on the folder itself
 
     def has(self, *names: str) -> bool:
         """True if every one of these topics has messages."""
@@ -97,7 +98,7 @@ class Recorded:
 
     @property
     def touched(self) -> bool:
-        """True if the referee saw the vehicle touch the board."""
+        """True if the referee detected contact."""
         return bool(self.verdict) and (self.verdict or {})["metrics"]["planar"] is not None
 
     @cached_property
@@ -114,7 +115,7 @@ class Recorded:
 
     @property
     def vehicle_source(self) -> str:
-        """The topic that says best where the vehicle was, empty if none does."""
+        """The best topic for the vehicle's pose, empty if there is none."""
         return next((t for t in ("truth/vehicle", "mocap/vehicle", "vehicle/odometry") if self.has(t)), "")
 
     @property
@@ -142,7 +143,7 @@ class Recorded:
 
     @cached_property
     def approach(self) -> Approach | None:
-        """The vehicle as the board sees it, or None without both poses."""
+        """The vehicle in the board's frame, or None without both poses."""
         if self.vehicle is None or self.board is None:
             return None
         return approach(self.vehicle, self.board, self.contact_geometry[0])

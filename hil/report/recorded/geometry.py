@@ -1,4 +1,4 @@
-"""Poses over time, many at once: rotation, interpolation, the approach as the board sees it. World ENU, body FLU."""
+"""Poses over time as arrays: rotation, interpolation, and the approach in the board's frame. World ENU, body FLU."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def at(motion: Motion, t: np.ndarray) -> Motion:
 
 
 def approach(vehicle: Motion, board: Motion, magnet_below: float) -> Approach:
-    """How the vehicle comes, seen from the board. `magnet_below` m: from the centre of mass down to the magnet."""
+    """The vehicle's approach in the board's frame. `magnet_below` m: from the centre of mass down to the magnet."""
     there = at(board, vehicle.t)
     body, frame = axes(vehicle.orientation), axes(there.orientation)
     magnet = vehicle.position - magnet_below * body[:, :, 2]

@@ -1,4 +1,4 @@
-"""A recording's topics as columns. Of a long recording, poses are kept at 50 Hz but for its last two minutes."""
+"""A recording's topics as columns. In a long recording, poses before the last two minutes are thinned to 50 Hz."""
 
 from __future__ import annotations
 

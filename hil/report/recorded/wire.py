@@ -1,7 +1,7 @@
-"""Many protobuf messages of one kind as arrays at once: decoding them one by one costs 7 us each.
+"""Decodes many protobuf messages of one kind into arrays at once; one by one they cost 7 us each.
 
-Messages whose keys, lengths and varint sizes agree have their numbers at the same bytes, so that one walk through the
-first message tells where the numbers of all of them are (protobuf's wire format, proto3, packed repeated fields).
+Messages whose keys, lengths and varint sizes agree have their numbers at the same bytes, so that the first message
+gives the positions for all (protobuf's wire format, proto3, packed repeated fields).
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ from hil.report.sections import (
 
 
 def build_all(recorded: Recorded) -> list[Section]:
-    """Every section of one flight; the last but one says what the others could not draw."""
-    told = [
+    """Every section of one flight; the last but one lists what the others could not draw."""
+    built = [
         paper_row.build(recorded),
         touchdown.build(recorded),
         attempt.build(recorded),
@@ -37,4 +37,4 @@ def build_all(recorded: Recorded) -> list[Section]:
         car.build(recorded),
         timing.build(recorded),
     ]
-    return [*told, events.build(recorded), missing.build(recorded, told), provenance.build(recorded)]
+    return [*built, events.build(recorded), missing.build(recorded, built), provenance.build(recorded)]

@@ -1,4 +1,4 @@
-"""The car under the board: reference, command, its own report, truth."""
+"""The car under the board: reference, command, feedback and truth."""
 
 from __future__ import annotations
 

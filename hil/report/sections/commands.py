@@ -1,4 +1,4 @@
-"""Asked, guided, sent, achieved: body rates and thrust from the policy through guidance and gate to the vehicle."""
+"""Body rates and thrust: requested by the policy, changed by guidance, sent by the gate, achieved by the vehicle."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ def _both(
         return columns[field] if axis is None else columns[field][:, axis]
 
     if asked is not None:
-        heard = asked["engaged"] > 0
+        engaged_rows = asked["engaged"] > 0
         if recorded.decided_ns:
-            heard &= asked.nanoseconds() <= recorded.decided_ns
+            engaged_rows &= asked.nanoseconds() <= recorded.decided_ns
         by_policy = np.where(_guided(asked), values(asked, unguided), values(asked))
-        plot.add("asked", ASKED, asked.nanoseconds(), np.where(heard, by_policy, np.nan), "dash")
-        changed = heard & (values(asked) != by_policy)
+        plot.add("asked", ASKED, asked.nanoseconds(), np.where(engaged_rows, by_policy, np.nan), "dash")
+        changed = engaged_rows & (values(asked) != by_policy)
         if changed.any():
             plot.add("changed by guidance", SEEN, asked.nanoseconds()[changed], values(asked)[changed], "dots")
     if sent is not None:
@@ -90,7 +90,7 @@ def _both(
 
 
 def _guided(asked: Columns) -> np.ndarray:
-    """Which actions passed through guidance: they hold what the policy asked before it."""
+    """Which actions passed through guidance: they also hold the policy's request."""
     return asked["asked_thrust"] > 0.0
 
 

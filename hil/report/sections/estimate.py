@@ -130,7 +130,7 @@ def _consistency(section: Section, recorded: Recorded, truth: Motion) -> None:
 
 
 def _velocity(belief: Columns) -> np.ndarray:
-    """The board's believed velocity (n, 3), m/s, world."""
+    """The board's velocity by the belief (n, 3), m/s, world."""
     heading, speed = belief["heading"], belief["speed"]
     return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), np.zeros(len(speed))])
 

@@ -1,4 +1,4 @@
-"""The log of the run: events, stages, gate trips, autopilot modes. The same marks stand on every time axis."""
+"""The log of the run: events, stages, gate trips, autopilot modes. Every time axis has the same marks."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def phases(recorded: Recorded) -> list[tuple[int, int, str]]:
         changes += zip(stages.nanoseconds().tolist(), stages["name"].tolist(), strict=True)
     if actions:
         end = recorded.decided_ns or recorded.window_ns[1]
-        told = zip(actions.nanoseconds().tolist(), actions["phase"].tolist(), strict=True)
-        spoken = [(t, phase) for t, phase in told if phase and t <= end]
-        if spoken:
-            first, last = spoken[0][0], spoken[-1][0]
-            changes = [c for c in changes if c[0] < first or c[0] > last] + spoken
+        named = zip(actions.nanoseconds().tolist(), actions["phase"].tolist(), strict=True)
+        of_policy = [(t, phase) for t, phase in named if phase and t <= end]
+        if of_policy:
+            first, last = of_policy[0][0], of_policy[-1][0]
+            changes = [c for c in changes if c[0] < first or c[0] > last] + of_policy
     if recorded.decided_ns is not None:
         after = recorded.decided_ns
         changes = (
@@ -85,7 +85,7 @@ def build(recorded: Recorded) -> Section:
 
 
 def _modes(recorded: Recorded) -> list[Mark]:
-    """Changes of what the autopilot says of itself."""
+    """Changes of the state that the autopilot reports."""
     status = recorded.topics.get("vehicle/status")
     found, last = [], None
     for message in status.messages if status else ():

@@ -1,4 +1,4 @@
-"""From light to command: exposure to the first action that used the picture, and its stages."""
+"""Latency from exposure to the first action that used the picture, and its stages."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def build(recorded: Recorded) -> Section:
 
 
 def first_use_ms(recorded: Recorded, actions: Columns) -> np.ndarray:
-    """For each picture used in the attempt: ms from its exposure to the first action that knew it.
+    """For each picture used in the attempt: ms from its exposure to the first action that used it.
 
     The picture behind the first action of all is left out: it waited for the attempt, not for the computer.
     """

@@ -1,4 +1,4 @@
-"""What the recording does not hold, and which plots that costs."""
+"""Topics that the recording lacks, and the plots that could not be drawn."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hil.report.drawing.section import Section, table
 from hil.report.recorded.flight import Recorded
 
 
-def build(recorded: Recorded, told: Sequence[Section]) -> Section:
+def build(recorded: Recorded, sections: Sequence[Section]) -> Section:
     section = Section("missing", "What is missing")
-    lost = [(section.title, plot, why) for section in told for plot, why in section.lost]
+    lost = [(section.title, plot, why) for section in sections for plot, why in section.lost]
     silent = [name for name, topic in TOPICS.items() if topic.recorded and not recorded.has(name) and name != PICTURES]
     if lost:
         section.html(table(("section", "not drawn", "because"), list(lost), "left"))

@@ -69,8 +69,8 @@ def build(recorded: Recorded) -> Section:
         ("attached", "attached", theirs[0]),
         ("within tolerance", "within_tolerance", theirs[1]),
     ):
-        told = "–" if verdict["outcome"] == "incomplete" else yes(verdict[field])
-        rows.append((name, "", told, published, "", ""))
+        outcome_text = "–" if verdict["outcome"] == "incomplete" else yes(verdict[field])
+        rows.append((name, "", outcome_text, published, "", ""))
     section.html(table(("", "unit", "this run", "published", "tolerance", "used of tolerance"), rows, "row"))
     if row is None:
         section.text("This scenario names no published row to compare with.")

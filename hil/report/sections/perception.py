@@ -1,4 +1,4 @@
-"""What the camera saw of the board: tags a picture, reliability rho, rate, and why pictures showed nothing."""
+"""Detections of the board: tags per picture, reliability rho, rate, and why pictures gave no detection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Key frames: the first and the last picture that showed the board, and the last one before contact."""
+"""Key frames: the first and the last picture with a detected board, and the last one before contact."""
 
 from __future__ import annotations
 

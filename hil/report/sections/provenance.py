@@ -1,4 +1,4 @@
-"""Where the run comes from: code, packages, policy, rig; what was not default; the recording itself."""
+"""Origin of the run: code, packages, policy and rig; values that were not default; the recording itself."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _recording(recorded: Recorded) -> Iterator[tuple[object, ...]]:
 
 
 def _autopilot(section: Section, recorded: Recorded) -> None:
-    """What the driver read of the autopilot: from the manifest, else from the recording."""
+    """Parameters that the driver read from the autopilot: from the manifest, else from the recording."""
     section.html(Markup("<h3>{}</h3>").format("Autopilot parameters that are not default"))
     held = ap.of_run(recorded.manifest)
     if not held and ap.TOPIC in recorded.topics:

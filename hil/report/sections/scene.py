@@ -1,4 +1,4 @@
-"""The attempt in 3-D: lines for the page's script to turn."""
+"""The attempt in 3-D, as lines that the page's script rotates."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def build(recorded: Recorded) -> Section:
 
 
 def _steps(section: Section, recorded: Recorded) -> None:
-    """Late and missed steps of each node of a live run; virtual time knows none."""
+    """Late and missed steps of each node of a live run; there are none in virtual time."""
     rows: list[tuple[object, ...]] = []
     for service, one in recorded.live.get("services", {}).items():
         for node, pace in one.get("nodes", {}).items():

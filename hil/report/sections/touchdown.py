@@ -1,4 +1,4 @@
-"""Touchdown in the board's frame: where the magnet met the board, and how it came there."""
+"""Touchdown in the board's frame: the position of the magnet at contact, and its path to it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _nearest(recorded: Recorded, seen: Approach) -> int:
 
 
 def _from_above(recorded: Recorded, last: Approach, end: int) -> Markup:
-    """Seen along the normal from the side the vehicle comes from: up-slope is up, the board's left is left."""
+    """View along the normal, from the vehicle's side: up-slope is up, the board's left is left."""
     plane = Plane(
         (-_REACH, _REACH), (-_REACH, _REACH), width=520, max_height=430, name="Touchdown seen along the normal"
     )

@@ -1,8 +1,8 @@
 """Imitation of a teacher on the states that the student itself visits (Ross, Gordon, Bagnell 2011).
 
-What the student cannot know it averages, so labels must depend on the present state alone. An iteration: `horizon`
-steps in all rows, a share of them flown by the teacher (roll-in), then `batches` of Adam from the replay. Replay and
-networks are on the device; the environment is not. Random numbers, rows, optimiser and replay are all in the
+The student averages over what it cannot observe, so labels must depend on the present state alone. An iteration:
+`horizon` steps in all rows, a share of them flown by the teacher (roll-in), then `batches` of Adam from the replay.
+Replay and networks are on the device; the environment is not. Random numbers, rows, optimiser and replay are all in the
 checkpoint, so that a resumed run continues the same curve.
 """
 
@@ -27,7 +27,7 @@ from policies.training.learners.replay import Replay
 from policies.training.learners.storage import TrainingError, env_state, load_env
 from policies.training.learners.teachers import open_teacher
 
-_FORESEEN = [k * entry_row.DIM + axis for k in FORESEEN for axis in (0, 1)]  # columns of the future that are foretold
+_FORESEEN = [k * entry_row.DIM + axis for k in FORESEEN for axis in (0, 1)]  # predicted columns of the future
 _NEAR = 0.4  # m from the board within which samples count more
 
 
@@ -35,11 +35,11 @@ _NEAR = 0.4  # m from the board within which samples count more
 class DaggerConfig:
     """`samples` environment steps in all; `replay` of them kept.
 
-    `teacher`: whose actions are labels, see `teachers.open_teacher`. The share of rows flown by the teacher falls from
-    1 to `teacher_floor` over `teacher_fade` samples. `noise`: one-sigma added to the student's actions while
+    `teacher`: its actions are the labels, see `teachers.open_teacher`. The share of rows flown by the teacher falls
+    from 1 to `teacher_floor` over `teacher_fade` samples. `noise`: one-sigma added to the student's actions while
     collecting. `near`: extra weight of a sample close to the board. `foresee`: weight of the auxiliary loss that makes
-    the trunk foretell where the board will be. `huber`: where the loss becomes linear. `average`: decay of the averaged
-    weights, which are exported."""
+    the trunk predict the board's future positions. `huber`: where the loss becomes linear. `average`: decay of the
+    averaged weights, which are exported."""
 
     samples: int = 8_000_000
     teacher: str = "expert"
@@ -59,7 +59,7 @@ class DaggerConfig:
 
 
 class Dagger:
-    """See `learner.Learner`."""
+    """The learner of imitation, see `learner.Learner`."""
 
     name: ClassVar[str] = "dagger"
 
@@ -71,7 +71,7 @@ class Dagger:
         device: torch.device,
         actor: Actor | None = None,
     ) -> None:
-        """`actor`: to begin with, else new weights. Raises TrainingError for a teacher that does not fit."""
+        """`actor`: the initial actor; None: new weights. Raises TrainingError for a teacher that does not fit."""
         self.config, self.device = config, device
         torch.manual_seed(env.seed)
         self.actor = (actor or Actor(network)).to(device)
@@ -138,16 +138,16 @@ class Dagger:
             observation = torch.where(reflected, observation * actor.observation_signs, observation)
             label = torch.where(reflected, label * actor.action_signs, label)
             foreseen = torch.where(reflected, foreseen * actor.future_signs, foreseen)
-        mean, foretold = actor.with_foresight(observation)
+        mean, predicted = actor.with_foresight(observation)
         error = smooth_l1_loss(mean, label, beta=c.huber, reduction="none").sum(1)
-        loss = (error * weight).mean() + c.foresee * smooth_l1_loss(foretold, foreseen, beta=0.1)
+        loss = (error * weight).mean() + c.foresee * smooth_l1_loss(predicted, foreseen, beta=0.1)
         self.optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(actor.parameters(), 1.0)
         self.optimiser.step()
         with torch.no_grad():
-            for mine, theirs in zip(self.average.parameters(), actor.parameters(), strict=True):
-                mine.lerp_(theirs, 1.0 - c.average)
+            for averaged, trained in zip(self.average.parameters(), actor.parameters(), strict=True):
+                averaged.lerp_(trained, 1.0 - c.average)
         return loss.detach()
 
     def state(self) -> dict:

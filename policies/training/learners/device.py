@@ -1,4 +1,4 @@
-"""Where learning runs: the check of a device's name, and the way from the environment's rows to it."""
+"""The device of learning: the check of its name, and the copy of the environment's rows to it."""
 
 from __future__ import annotations
 

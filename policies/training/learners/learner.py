@@ -1,4 +1,4 @@
-"""What every learner is to a training run."""
+"""The interface of a learner to a training run."""
 
 from __future__ import annotations
 

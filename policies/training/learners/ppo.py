@@ -1,12 +1,13 @@
-"""Proximal policy optimisation (Schulman et al. 2017) with the paper's asymmetric critic, to be read top to bottom.
+"""Proximal policy optimisation (Schulman et al. 2017) with the paper's asymmetric critic.
 
 An iteration: `horizon` steps in all rows with actions drawn from the policy; advantages by GAE; `epochs` passes over
 the samples in minibatches with the clipped objective. Rollout and networks are on the device; the environment is not.
-What differs from the textbook, each switched off by its default:
+Additions to the published method, each switched off by its default:
 
-- `clone`: a pull towards the actor that training began with; a precise clone of a teacher is destroyed by the first
-  noisy gradients otherwise. `critic_only`: samples before the actor begins to move, for the same reason.
-- `std_floor`: the printed reward pays a policy for shrinking its noise until it explores nothing.
+- `clone`: weight of the squared distance from the actions of the initial actor. Without it the first noisy gradients
+  destroy a precise clone of a teacher. `critic_only`: samples before the actor is trained, for the same reason.
+- `std_floor`: least standard deviation of the exploration noise. The printed reward makes a policy reduce its noise
+  until it explores nothing.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class PpoConfig:
 
 
 class Ppo:
-    """See `learner.Learner`."""
+    """The learner of PPO, see `learner.Learner`."""
 
     name: ClassVar[str] = "ppo"
     _MODULES = ("actor", "critic", "start", "average", "optimiser")
@@ -71,7 +72,7 @@ class Ppo:
         device: torch.device,
         actor: Actor | None = None,
     ) -> None:
-        """`actor`: to begin with, else new weights."""
+        """`actor`: the initial actor; None: new weights."""
         self.config, self.device = config, device
         torch.manual_seed(env.seed)
         self.actor = (actor or Actor(network)).to(device)

@@ -1,4 +1,4 @@
-"""What imitation remembers: the newest samples, on the learner's device, in half precision."""
+"""The replay buffer of imitation: the newest samples, on the learner's device, in half precision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SIZES = {"observation": OBS_DIM, "label": 4, "weight": 1, "foreseen": 2 * len(F
 
 
 class Replay:
-    """The newest `size` samples of observation, label, weight, and where the board will be."""
+    """The newest `size` samples of observation, label, weight, and future board positions."""
 
     def __init__(self, size: int, device: torch.device) -> None:
         self._parts = {k: torch.zeros(size, n, dtype=torch.float16, device=device) for k, n in _SIZES.items()}

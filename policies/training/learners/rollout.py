@@ -1,4 +1,4 @@
-"""What one iteration of PPO collects, on the learner's device."""
+"""The samples of one iteration of PPO, on the learner's device."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from policies.task.observation import OBS_DIM
 
 
 class Rollout:
-    """Samples of one iteration, (horizon, N, ...); `wanted`: what the actor did that training began with."""
+    """Samples of one iteration, (horizon, N, ...); `wanted`: actions of the actor that training began with."""
 
     def __init__(self, horizon: int, count: int, device: torch.device) -> None:
         def zeros(*size: int) -> Tensor:
@@ -20,7 +20,7 @@ class Rollout:
         self.log_prob, self.value, self.reward, self.done = zeros(), zeros(), zeros(), zeros()
 
     def advantages(self, last_value: Tensor, gamma: float, gae: float) -> tuple[Tensor, Tensor]:
-        """Generalised advantage estimates and returns, (horizon, N) each; an episode's end is a true end."""
+        """Generalised advantage estimates and returns, (horizon, N) each; no value follows the end of an episode."""
         advantage = torch.zeros_like(self.reward)
         ahead, next_value = torch.zeros_like(last_value), last_value
         for t in reversed(range(len(self.reward))):

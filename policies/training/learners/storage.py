@@ -1,4 +1,4 @@
-"""What keeps a training run safe: checkpoints that replace each other whole, curves that continue, provenance."""
+"""Storage of a training run: checkpoints that are replaced atomically, curves that continue, provenance."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def bad_weights(learner: Any) -> list[str]:
 
 
 def not_finite(learner: Any) -> str:
-    """What of a learner is NaN or infinite, by name: reward terms, environment rows, weights; '' for nothing."""
+    """Names of reward terms, environment rows and weights of a learner that are NaN or infinite; '' if none is."""
     rows = learner.env.rows
     terms = [name for name, column in zip(TERMS, rows.terms.T, strict=True) if not np.isfinite(column).all()]
     # a motion's row holds infinity where a change never comes

@@ -1,7 +1,7 @@
-"""A network that teaches: any exported policy's graph, evaluated by torch on the learner's device.
+"""A network as teacher: the graph of any exported policy, evaluated by torch on the learner's device.
 
-The graph is read, not rebuilt from weights: whatever an ONNX policy computes (gated experts, laws of its own) is data
-here, and nothing of it is known to the project.
+The graph is read from the file, not rebuilt from weights: what an ONNX policy computes (gated experts, for example) is
+data here and needs no code of its own.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _FOLDER = Path(__file__).parents[2] / "checkpoints"
 
 
 class NetworkTeacher:
-    """Labels from an exported policy; see `teachers.Labels`. It remembers nothing from step to step."""
+    """Labels from an exported policy; see `teachers.Labels`. It has no state between steps."""
 
     def __init__(self, env: Env, policy: str, device: torch.device) -> None:
         """`policy`: the name of a file in policies/checkpoints, or the path of an ONNX file.
@@ -58,7 +58,8 @@ class NetworkTeacher:
     def act(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Labels (N, 4) in [-1, 1] for observations (N, OBS_DIM), and (N,) ones: each may be learnt from.
 
-        Both are of the environment's vehicle; the teacher sees and asks in its own limits.
+        Observations and labels are in the limits of the environment's airframe; they are converted from and to the
+        teacher's own limits.
         """
         before = slice(TAIL + tail_row.ACTION, TAIL + tail_row.ACTION + 4)
         seen = observation.clone()

@@ -1,4 +1,4 @@
-"""Who imitation learns from, by name; each gives labels on the learner's device."""
+"""The teachers of imitation learning, by name; each gives labels on the learner's device."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Labels(Protocol):
 
 
 def open_teacher(name: str, env: Env, device: torch.device) -> Labels:
-    """`expert` (it knows the future and the vehicle), `planner` (it knows what the student knows), or an exported
-    policy (`NetworkTeacher`). Raises TrainingError for one that does not fit."""
+    """The teacher `expert` (privileged information: the board's future and the true gain), `planner` (it receives what
+    the student receives), or an exported policy (`NetworkTeacher`). Raises TrainingError for one that does not fit."""
     if name == "expert":
         return _Planned(Teacher(env), device)
     if name == "planner":

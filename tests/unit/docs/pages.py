@@ -1,4 +1,4 @@
-"""What the pages of the project tell a reader to type."""
+"""The commands that the pages of the project show."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def test_every_command_of_a_page_works_in_the_order_of_the_page(page, folder):
             raise AssertionError(f"{page.name}: {line.text}: {error}") from error
 
 
-def test_every_reason_not_to_run_a_command_is_still_needed():
+def test_every_exemption_of_a_command_is_still_needed():
     used = {reason(line, PARSED_ONLY if line.perch is not None else OTHER) for line in EVERY}
     unused = {why for why in (*PARSED_ONLY.values(), *OTHER.values())} - used
     assert unused <= {PARSED_ONLY[r"soak"]}
@@ -151,7 +151,7 @@ def test_commands_options_and_links_in_sentences_exist(page, folder):
             assert (ROOT / path).exists(), f"{page.name}: {path}"
 
 
-def test_the_page_of_rigs_names_every_key_of_every_table():
+def test_rigs_page_names_every_key_of_every_table():
     text = (ROOT / "docs" / "rigs-and-links.md").read_text()
     for name, field in Rig.model_fields.items():
         if not hasattr(field.annotation, "model_fields"):

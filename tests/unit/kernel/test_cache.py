@@ -60,7 +60,7 @@ def test_a_changed_callee_outside_the_project_s_packages_is_recompiled(package):
     assert run("bench") == ["3.0", "0"]
 
 
-def test_processes_that_compile_at_the_same_time_leave_each_other_s_code_alone(package):
+def test_processes_that_compile_concurrently_do_not_share_code(package):
     helper, _ = package
     helper.write_text(HELPER.format(2.0))
     sums = (
@@ -94,7 +94,7 @@ def test_no_two_processes_give_their_machine_code_the_same_symbols(package):
     assert len(names) == 2
 
 
-def test_a_cache_file_that_is_cut_short_is_compiled_anew(package):
+def test_truncated_cache_file_is_recompiled(package):
     helper, run = package
     helper.write_text(HELPER.format(2.0))
     run()
@@ -104,7 +104,7 @@ def test_a_cache_file_that_is_cut_short_is_compiled_anew(package):
     assert run() == ["2.0", "1"]
 
 
-def test_what_was_imported_before_changes_nothing(package):
+def test_kernel_cache_is_independent_of_earlier_imports(package):
     helper, run = package
     helper.write_text(HELPER.format(2.0))
     run()
@@ -118,7 +118,7 @@ def test_kernels_run_without_the_compiler(package):
     assert run(NUMBA_DISABLE_JIT="1")[0] == "2.0"
 
 
-def test_an_unwritable_cache_folder_means_compiling_anew_and_is_said(package):
+def test_unwritable_cache_folder_is_reported_and_kernels_recompile(package):
     helper, run = package
     blocked = helper.parents[1] / "file"
     blocked.write_text("no folder")
@@ -128,8 +128,10 @@ def test_an_unwritable_cache_folder_means_compiling_anew_and_is_said(package):
     code = "from vehicle.caller import caller; caller(1.0)"
     environment = {**os.environ, "PERCH_KERNEL_CACHE": str(blocked), "PYTHONPATH": ""}
     command = [sys.executable, "-c", code]
-    said = subprocess.run(command, cwd=helper.parents[1], env=environment, capture_output=True, text=True, check=True)
-    assert "set PERCH_KERNEL_CACHE" in said.stderr
+    finished = subprocess.run(
+        command, cwd=helper.parents[1], env=environment, capture_output=True, text=True, check=True
+    )
+    assert "set PERCH_KERNEL_CACHE" in finished.stderr
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
@@ -154,7 +156,7 @@ def test_two_checkouts_with_the_same_code_share_their_kernels(package, tmp_path_
     assert subprocess.check_output([sys.executable, "-c", code], cwd=other, env=environment, text=True).strip() == "1"
 
 
-def test_cold_means_no_compiled_kernel(tmp_path, monkeypatch):
+def test_cold_is_true_without_a_compiled_kernel(tmp_path, monkeypatch):
     monkeypatch.setattr("kernel.jit.CACHE_DIR", tmp_path)
     assert cache_is_cold()
     (tmp_path / "abc").mkdir()

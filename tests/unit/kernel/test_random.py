@@ -55,7 +55,7 @@ def _rows(states, out):
             out[i, j] = normal(states[i])
 
 
-def test_a_parallel_rollout_draws_what_a_serial_one_does():
+def test_parallel_rollout_draws_the_numbers_of_a_serial_one():
     states = np.concatenate([stream(9, i) for i in range(8)]).reshape(8, 1)
     out = np.empty((8, 50))
     _rows(states, out)

@@ -44,7 +44,7 @@ def test_matrix_and_rotation_vector_round_trips(q):
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_half_turns_survive_the_matrix(axis):
+def test_half_turns_round_trip_through_the_matrix(axis):
     q = [0.0, 0.0, 0.0, 0.0]
     q[axis + 1] = 1.0
     assert rot.angle_between(rot.from_matrix(rot.to_matrix(tuple(q))), tuple(q)) < 1e-6
@@ -81,7 +81,7 @@ def test_ned_frd_is_the_same_rotation_seen_from_other_axes(q, x, y, z):
 
 
 @given(angle)
-def test_headings_swap_with_the_attitude(heading):
+def test_heading_converts_between_frames_as_the_attitude_does(heading):
     ned = rot.yaw(rot.swap_attitude(rot.from_euler(0.0, 0.0, heading)))
     assert math.cos(ned - rot.swap_yaw(heading)) == pytest.approx(1.0)
 

@@ -88,24 +88,24 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize(("text", "says"), FAULTS, ids=[says for _, says in FAULTS])
-def test_a_fault_in_an_array_of_tables_is_named(tmp_path, text, says):
+@pytest.mark.parametrize(("text", "message"), FAULTS, ids=[message for _, message in FAULTS])
+def test_a_fault_in_an_array_of_tables_is_named(tmp_path, text, message):
     path = tmp_path / "mine.toml"
     path.write_text(f"[[box]]\n{text}\n")
     with pytest.raises(ConfigError) as error:
         load_toml(path, Store)
     lines = str(error.value).splitlines()
-    assert any(line.startswith(f"{path}: ") and says in line for line in lines), lines
+    assert any(line.startswith(f"{path}: ") and message in line for line in lines), lines
 
 
 def test_an_array_is_not_called_short_for_the_faults_within_it():
-    for parts, said in (([{"siz": 1}], "unknown key"), ([], "at least 1 item")):
-        with pytest.raises(ConfigError, match=said) as error:
+    for parts, expected in (([{"siz": 1}], "unknown key"), ([], "at least 1 item")):
+        with pytest.raises(ConfigError, match=expected) as error:
             validate({"title": "b", "part": parts}, Box, "here")
         assert str(error.value).count("here:") == 1
 
 
-def test_outside_of_arrays_nothing_changes(tmp_path):
+def test_errors_outside_arrays_are_unchanged(tmp_path):
     with pytest.raises(
         ConfigError, match=r'^here: unknown key "ovner"; did you mean "owner"\? Allowed in the top level: '
     ):
@@ -129,7 +129,7 @@ def test_place_counts_from_one(box, part, key):
 
 
 @pytest.mark.parametrize(
-    ("data", "location", "said"),
+    ("data", "location", "expected"),
     [
         ({}, (), ""),
         ({"a": 1}, ("a",), ""),
@@ -138,5 +138,5 @@ def test_place_counts_from_one(box, part, key):
         ({}, ("a", 2, "b", 0), "a 3, b 1"),
     ],
 )
-def test_place_names_arrays_and_titles(data, location, said):
-    assert place(data, location) == said
+def test_place_names_arrays_and_titles(data, location, expected):
+    assert place(data, location) == expected

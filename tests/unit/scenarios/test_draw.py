@@ -69,7 +69,7 @@ def test_spread_of_the_draws_is_that_of_their_distribution():
     assert abs(independent) < 0.08
 
 
-def test_the_table_for_a_manifest_is_json():
+def test_draw_table_for_the_manifest_is_json():
     table = json.loads(json.dumps(draw(load("hard-i"), 0).table(), allow_nan=False))
     assert table["switch_time"] is None
     assert table["seed"] == 0

@@ -9,7 +9,7 @@ from scenarios.spec import FOLDER, list_scenarios, load
 NAMES = ["simple-i", "simple-ii", "normal-i", "normal-ii", "hard-i", "hard-ii"]
 
 
-def test_the_six_are_listed_in_the_papers_order():
+def test_six_published_scenarios_are_listed_in_the_order_of_the_paper():
     assert list_scenarios() == NAMES
 
 
@@ -78,7 +78,7 @@ def edited(tmp_path):
     return edit
 
 
-def test_a_users_own_file_runs_by_path(tmp_path):
+def test_scenario_file_loads_by_path(tmp_path):
     path = shutil.copy(FOLDER / "hard_i.toml", tmp_path / "mine.toml")
     assert load(path) == load(str(path)) == load("hard-i")
 
@@ -104,7 +104,7 @@ def test_a_users_own_file_runs_by_path(tmp_path):
         ("hard-i", "[camera]", "[camera", ["not valid TOML"]),
     ],
 )
-def test_a_fault_names_file_key_and_what_is_allowed(edited, name, old, new, parts):
+def test_scenario_fault_names_file_key_and_allowed_values(edited, name, old, new, parts):
     path = edited(name, old, new)
     with pytest.raises(ValueError) as error:
         load(path)

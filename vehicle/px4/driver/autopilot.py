@@ -1,4 +1,4 @@
-"""What the driver knows of its autopilot: mode, arming, health, texts, and odometry on the driver's clock."""
+"""The driver's record of its autopilot: mode, arming, health, texts, and odometry on the driver's clock."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ class Sender:
         return thrust
 
     def external_pose(self, pose: ExternalPose) -> None:
-        """ODOMETRY for PX4's estimator, stamped on our clock, which PX4 knows from our TIMESYNC answers."""
+        """ODOMETRY for PX4's estimator, stamped on our clock, which PX4 converts by our TIMESYNC answers."""
         x, y, z = (here - zero for here, zero in zip(pose.position, self._origin, strict=True))
         self._send(
             "ODOMETRY", max(0, pose.stamp_ns) // 1000, px4.FRAME_LOCAL_NED, px4.FRAME_BODY_FRD, *swap_world(x, y, z),

@@ -197,7 +197,7 @@ class Px4Sim:
 
     @property
     def row(self) -> np.ndarray:
-        """The vehicle row (ND,): the truth itself, indices in vehicle/quadrotor."""
+        """The vehicle's state row (vehicle.quadrotor.state_row): the true state."""
         assert self.flight.row.shape == (state_row.DIM,)
         return self.flight.row
 

@@ -173,7 +173,7 @@ def control_step(c, est, dt):
 
 @njit
 def reset_cascade(c, est):
-    """Forget the cascade's history: empty integrators, start slewing from the present velocity and heading."""
+    """Reset the cascade: empty integrators, start slewing from the present velocity and heading."""
     for axis in range(3):
         c[control.VEL_INT + axis] = 0.0
         c[control.ACC_LP + axis] = 0.0

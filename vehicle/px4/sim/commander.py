@@ -33,7 +33,7 @@ _TITLES = {
     px4.custom_mode(Main.STABILIZED): "Stabilized",
 }
 _AUTO = (px4.HOLD, px4.TAKEOFF, px4.LAND, px4.RTL)
-_NOT_FOR_ARMING = (px4.LAND, px4.RTL)  # nor remembered for after a landing
+_NOT_FOR_ARMING = (px4.LAND, px4.RTL)  # nor restored after a landing
 
 
 class Commander:

@@ -1,6 +1,6 @@
 """The software PX4's estimate: truth with small correlated errors, aided by GPS, by external vision, or not at all.
 
-Not an EKF: the errors of the estimate are modelled, and the sources that it depends on. Defaults are for a vehicle on
+It is no EKF: it models the errors of the estimate and the sources on which they depend. Defaults are for a vehicle on
 motion capture; `GPS_NOISE` is measured on the recorded SITL flight with simulated GPS.
 """
 

@@ -85,7 +85,7 @@ class Navigator:
         return None
 
     def _idle(self) -> bool:
-        """On the ground without a take-off, or thrust cut after touch-down."""
+        """On the ground without a take-off, or thrust cut after ground contact."""
         flight = self._flight
         if flight.landed:
             return flight.active != px4.TAKEOFF or not spooled_up(flight)

@@ -41,7 +41,7 @@ def _correlated(error, at, noise, sigma, stream, dt):
 
 @njit
 def estimate_step(row, est, error, noise, stream, dt):
-    """The estimate (NE,) from the truth and errors that are first-order Gauss-Markov, plus biases and blindness."""
+    """The estimate (LENGTH,) from the truth and errors that are first-order Gauss-Markov, plus biases and blindness."""
     _correlated(error, estimate_error.POSITION, noise, estimate_noise.POSITION_SIGMA, stream, dt)
     _correlated(error, estimate_error.VELOCITY, noise, estimate_noise.VELOCITY_SIGMA, stream, dt)
     _correlated(error, estimate_error.ATTITUDE, noise, estimate_noise.ATTITUDE_SIGMA, stream, dt)

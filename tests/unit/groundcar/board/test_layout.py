@@ -19,7 +19,7 @@ def found(picture, **options):
     return {tag.id: tag for tag in TagDetector().detect(picture, **options)}
 
 
-def test_bitmap_decodes_and_corners_are_where_the_board_says():
+def test_bitmap_decodes_and_corners_agree_with_the_layout():
     scale, border = 6, 40
     face = np.kron(bitmap(BOARD), np.ones((scale, scale), np.uint8))
     tags = found(np.pad(face, border, constant_values=255))

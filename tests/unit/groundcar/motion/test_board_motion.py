@@ -78,7 +78,7 @@ def test_reciprocating_line_against_its_closed_form():
     )  # Simple-II: 0.50-2.35
 
 
-def test_hard_i_s_speed_is_the_law_s():
+def test_hard_i_speed_follows_its_speed_law():
     rows = rollout(motion_aux(t.SPLINE, spline(2, 2.5), s.COSINE, s.cosine_speed()))
     time = DT * np.arange(len(rows))
     assert rows[:, board_row.SPEED] == pytest.approx(1.0 + 0.75 * (1 + np.cos(2 * math.pi * time / 3)))
@@ -102,7 +102,7 @@ def test_hard_ii_turns_onto_its_tangent_arc_and_slows_down(radius):
         assert np.hypot(*(rows[302:, :2] - centre).T) == pytest.approx(3.0)
 
 
-def test_the_change_can_be_asked_for_by_length():
+def test_change_of_path_can_be_set_by_length():
     aux = motion_aux(t.SPLINE, spline(6, 2.0), s.CONSTANT, CONSTANT, change_length=4.0, arc_radius=2.0)
     rows = rollout(aux, seconds=4.0)
     assert rows[195, board_row.TURN_RATE] != pytest.approx(1.0, abs=1e-3)
@@ -154,7 +154,7 @@ def test_response_overshoots_as_a_second_order_system():
     assert speed.min() == pytest.approx(1.75 - 0.75 * gain, abs=0.01)
 
 
-def test_static_board_stands():
+def test_static_board_does_not_move():
     rows = rollout(motion_aux(t.STATIC, t.static_path(2.0, 3.0, -1.0), s.CONSTANT, s.constant_speed(0.0)), seconds=1.0)
     assert (rows == rows[0]).all()
     assert list(rows[0, :6]) == [2.0, 3.0, 1.5, -1.0, 0.0, 0.0]

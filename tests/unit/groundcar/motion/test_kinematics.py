@@ -55,7 +55,7 @@ def test_accelerate_is_bounded_and_arrives():
 
 
 @given(angle=st.floats(-50, 50))
-def test_wrap(angle):
+def test_wrapped_angle_is_within_half_open_range(angle):
     wrapped = wrap(angle)
     assert -math.pi <= wrapped <= math.pi
     assert math.cos(wrapped - angle) == pytest.approx(1.0)

@@ -38,7 +38,7 @@ def off_joints(kind, row, u):
 @pytest.mark.parametrize(("kind", "row"), PATHS)
 @settings(max_examples=60)
 @given(u=st.floats(-50, 50))
-def test_derivatives_are_those_of_the_position(kind, row, u):
+def test_path_derivatives_agree_with_differences_of_the_position(kind, row, u):
     h, u = 1e-4, off_joints(kind, row, u)
     here, ahead, behind = (np.array(path_eval(kind, row, v)) for v in (u, u + h, u - h))
     first, second = (ahead - behind) / (2 * h), (ahead[2:4] - behind[2:4]) / (2 * h)
@@ -49,13 +49,13 @@ def test_derivatives_are_those_of_the_position(kind, row, u):
 @pytest.mark.parametrize(("kind", "row"), PATHS)
 @settings(max_examples=40)
 @given(u=st.floats(-30, 30))
-def test_a_lap_leads_back(kind, row, u):
+def test_lap_of_a_closed_path_ends_at_its_start(kind, row, u):
     u = off_joints(kind, row, u)
     again = path_eval(kind, row, u + path_lap(kind, row))
     assert path_eval(kind, row, u) == pytest.approx(again, abs=1e-9)
 
 
-def test_line_is_the_paper_s():
+def test_line_path_agrees_with_the_paper():
     row = t.line_path(12.0)
     for phase in np.linspace(-4, 4, 33):
         x, y, *_ = path_eval(t.LINE, row, phase)
@@ -114,7 +114,7 @@ def test_origin_and_heading_move_any_path_rigidly():
             assert moved[2:4] == pytest.approx((c * dx - s * dy, s * dx + c * dy))
 
 
-def test_static_stands():
+def test_static_path_does_not_move():
     row = t.static_path(3.0, -1.0, 2.0)
     assert path_eval(t.STATIC, row, 5.0) == (3.0, -1.0, 0.0, 0.0, 0.0, 0.0)
 

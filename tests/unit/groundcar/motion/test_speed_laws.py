@@ -8,7 +8,7 @@ from groundcar.motion.speed_laws import speed_law, speed_nominal, speed_peak
 from kernel.random import normal, stream
 
 
-def test_hard_i_s_cosine_is_the_paper_s():
+def test_hard_i_cosine_agrees_with_the_paper():
     row = s.cosine_speed()
     for t in np.linspace(0, 7, 29):
         expected = 1.0 + 1.5 * (1 + math.cos(2 * math.pi * t / 3)) / 2
@@ -26,7 +26,7 @@ def test_schedule_ramps_once():
     assert speed_peak(s.SCHEDULED, row) == 2.2
 
 
-def test_ou_follows_the_paper_s_recursion():
+def test_ou_speed_follows_the_recursion_of_the_paper():
     row, state, rng, own = s.ou_speed(2.0), np.zeros(1), stream(4), stream(4)
     eta, beta = 0.0, 0.01 / 1.01
     for k in range(200):
@@ -43,7 +43,7 @@ def test_ou_has_its_stationary_spread_and_correlation_time():
     assert later == pytest.approx((1 - beta) ** 100, abs=0.06)
 
 
-def test_laws_without_noise_leave_the_stream_alone():
+def test_speed_laws_without_noise_do_not_advance_the_random_stream():
     rng, state = stream(3), np.zeros(1)
     for kind, row in ((s.CONSTANT, s.constant_speed(1.5)), (s.COSINE, s.cosine_speed())):
         speed_law(kind, row, state, 0.4, 0.01, rng)

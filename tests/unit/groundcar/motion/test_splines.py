@@ -40,7 +40,7 @@ def test_the_largest_curvature_is_found():
         assert max_curvature(row) == pytest.approx(sampled_curvature(row, 24_000), rel=1e-3)
 
 
-def test_control_points_stand_at_even_angles_within_the_paper_s_radii():
+def test_control_points_are_at_even_angles_within_the_published_radii():
     seen = []
     for seed in range(300):
         row, alpha = drawn(seed, 0.5)
@@ -86,7 +86,7 @@ def test_a_circle_that_is_too_tight_is_widened():
     assert max_curvature(row) == pytest.approx(0.12, rel=1e-6)
 
 
-def test_equal_streams_give_equal_splines_and_the_origin_is_left_alone():
+def test_equal_streams_give_equal_splines_and_do_not_move_the_origin():
     a, b = static_path(4.0, 5.0, 0.3), static_path(4.0, 5.0, 0.3)
     random_spline(stream(7), a, 2.0)
     random_spline(stream(7), b, 2.0)

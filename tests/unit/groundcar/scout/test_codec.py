@@ -31,7 +31,7 @@ def test_frames_written_out_by_hand():
     assert encode("RcState", rc) == (0x241, bytes.fromhex("399c0000640000ff"))
 
 
-def test_identifiers_are_the_manual_s():
+def test_can_identifiers_agree_with_the_manual():
     ids = {name: can_id(name) for name in EVERYTHING}
     assert [ids[name] for name in COMMANDS] == [0x111, 0x121, 0x131, 0x421, 0x441]
     assert [ids[f"Motor{k}"] for k in (1, 2, 3, 4)] == [0x251, 0x252, 0x253, 0x254]

@@ -31,7 +31,7 @@ def granted(bus):
     return link
 
 
-def test_nothing_is_sent_before_the_car_is_heard(bus):
+def test_driver_sends_nothing_before_the_first_frame_of_the_car(bus):
     link = ScoutLink(bus[0])
     for k in range(50):
         feedback = link.step(k * 20 * MS, Command(k * 20 * MS, 1.0, 0.0))
@@ -69,7 +69,7 @@ def test_protocol_v1_is_refused_with_a_remedy(bus):
 
 
 @pytest.mark.parametrize("period_ms", [1, 4, 5, 10])
-def test_commands_go_out_at_50_hz_however_often_it_is_stepped(bus, period_ms):
+def test_commands_are_sent_at_50_hz_for_any_step_period(bus, period_ms):
     link = granted(bus)
     for k in range(1000 // period_ms):
         now = (100 + k * period_ms) * MS
@@ -78,7 +78,7 @@ def test_commands_go_out_at_50_hz_however_often_it_is_stepped(bus, period_ms):
     assert len(bus[0].sent) == 50
 
 
-def test_an_old_command_is_never_sent_again(bus):
+def test_driver_never_resends_an_old_command(bus):
     link = granted(bus)
     for k in range(50):
         bus[1].send(STATE)
@@ -88,7 +88,7 @@ def test_an_old_command_is_never_sent_again(bus):
     assert feedback.sent_commands == 6
 
 
-def test_without_a_command_nothing_is_sent(bus):
+def test_driver_sends_nothing_without_a_command(bus):
     link = granted(bus)
     for k in range(50):
         link.step((100 + 20 * k) * MS, None)
@@ -112,7 +112,7 @@ def test_only_fresh_finite_commands_reach_the_car_and_within_its_limits(speed, t
     assert feedback.refused_commands == (not good)
 
 
-def test_limits_of_the_rig_may_be_lower(bus):
+def test_lower_limits_of_the_rig_apply(bus):
     params = load_scout()
     params = params.model_copy(update={"limits": params.limits.model_copy(update={"speed": 1.0})})
     link = ScoutLink(bus[0], params)
@@ -133,7 +133,7 @@ def test_invalid_frames_are_counted(bus):
 
 
 @pytest.mark.parametrize(
-    ("frame", "says"),
+    ("frame", "message"),
     [
         (system(1, state=1), "e-stop"),
         (system(1, state=2, under_voltage=1), "battery empty"),
@@ -143,11 +143,11 @@ def test_invalid_frames_are_counted(bus):
         (encode("Driver4", {"can_lost": 1}), "wheel 4 can lost"),
     ],
 )
-def test_fault_text_names_each_fault(bus, frame, says):
+def test_fault_text_names_each_fault(bus, frame, message):
     link = granted(bus)
     assert link.ready
     bus[1].send(frame)
-    assert says in link.step(120 * MS).fault
+    assert message in link.step(120 * MS).fault
     assert not link.ready
 
 
@@ -172,7 +172,7 @@ def test_no_control_request_while_the_remote_control_is_active(bus):
     assert ids(bus[0]) == [0x421]
 
 
-def test_brake_clear_light_and_release(bus):
+def test_driver_sends_brake_clear_light_and_release_frames(bus):
     link = granted(bus)
     link.brake(True)
     link.clear_errors(3)

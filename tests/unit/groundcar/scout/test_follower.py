@@ -133,21 +133,21 @@ def test_preview_equals_the_later_reference():
     assert follower.start_pose == pytest.approx(ref[1:4], abs=1e-9)
 
 
-def test_the_aux_row_given_is_not_changed():
+def test_follower_does_not_change_its_aux_row():
     aux, u = CASES["hard-ii"]
     before = aux.copy()
     drive_along(aux, u, seconds=8.0)
     assert np.array_equal(aux, before)
 
 
-def test_speed_law_noise_is_the_stream_s():
+def test_speed_law_noise_is_drawn_from_the_given_stream():
     aux = m.motion_aux(t.SPLINE, spline(3, 2.0), s.OU, s.ou_speed(2.0))
     a, b, c = (drive_along(aux, 0.0, 5.0, seed=seed) for seed in (1, 1, 2))
     assert np.array_equal(a, b)
     assert not np.array_equal(a, c)
 
 
-def test_on_the_reference_it_asks_for_the_feed_forward():
+def test_follower_commands_the_feed_forward_on_the_reference():
     speed, turn = follow(row(1.0, 2.0, 0.5, 1.0, 0.3), row(1.1, 2.0, 0.5, 1.2, 0.4), 1.0, 2.0, 0.5, GAINS)
     assert (speed, turn) == pytest.approx((1.2, 0.4))
 

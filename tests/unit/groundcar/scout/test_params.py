@@ -11,7 +11,7 @@ def test_the_manual_s_limits_and_the_urdf_s_geometry():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "message"),
     [
         ("track = 0.4165", "trak = 0.4165", "trak"),
         ("speed = 3.0", "speed = 4.0", "limits.speed"),
@@ -20,10 +20,10 @@ def test_the_manual_s_limits_and_the_urdf_s_geometry():
         ("[limits]", "[limits", "scout.toml"),
     ],
 )
-def test_faults_in_the_file_are_named(tmp_path, old, new, says):
+def test_faults_in_the_file_are_named(tmp_path, old, new, message):
     text = PARAMS_PATH.read_text()
     assert old in text
     path = tmp_path / "scout.toml"
     path.write_text(text.replace(old, new))
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(ValueError, match=message):
         load_scout(path)

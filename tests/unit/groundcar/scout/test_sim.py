@@ -13,11 +13,11 @@ ENABLE = encode("ControlMode", {"mode": 1})
 
 
 class Bench:
-    """A car on a bench: commands every 20 ms, everything it says decoded."""
+    """A car on a bench: commands every 20 ms, every frame it sends decoded."""
 
     def __init__(self, bus, seed=0, **options):
         self.bus, self.car_end = bus
-        self.car, self.now, self.said = ScoutSim(self.car_end, seed=seed, **options), 0, {}
+        self.car, self.now, self.reported = ScoutSim(self.car_end, seed=seed, **options), 0, {}
         self.frames = Counter()
         self.decoder = Decoder(feedback_names())
         self.speeds = []
@@ -30,7 +30,7 @@ class Bench:
             for frame in self.bus.receive():
                 self.frames[frame[0]] += 1
                 name, values = self.decoder.decode(frame)
-                self.said[name] = values
+                self.reported[name] = values
             self.speeds.append(self.car.speed)
             self.now += 4 * MS
         return self
@@ -47,20 +47,20 @@ def bench(bus):
 
 def test_power_on_is_standby_where_only_the_mode_is_obeyed(bench):
     bench.run(1.0, speed=1.0)
-    assert bench.said["SystemState"]["mode"] == 0
+    assert bench.reported["SystemState"]["mode"] == 0
     assert bench.car.speed == 0.0
     assert bench.car.ignored_commands == 50
     bench.enable().run(1.5, speed=1.0)
-    assert bench.said["SystemState"]["mode"] == 1
+    assert bench.reported["SystemState"]["mode"] == 1
     assert bench.car.speed == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_sdk_s_and_the_manual_s_form_of_the_mode_frame_both_work(bench):
+def test_mode_frame_is_accepted_in_the_forms_of_sdk_and_manual(bench):
     bench.bus.send((0x421, b"\x01"))
     bench.run(0.2)
-    assert bench.said["SystemState"]["mode"] == 1
+    assert bench.reported["SystemState"]["mode"] == 1
     bench.bus.send((0x421, b"\x07"))  # no such mode
-    assert bench.run(0.2).said["SystemState"]["mode"] == 1
+    assert bench.run(0.2).reported["SystemState"]["mode"] == 1
 
 
 def test_half_a_second_without_commands_stops_the_car(bench):
@@ -72,7 +72,7 @@ def test_half_a_second_without_commands_stops_the_car(bench):
     assert bench.car.speed < 0.7 * driving
     bench.run(1.7)
     assert bench.car.speed == pytest.approx(0.0, abs=0.01)
-    assert bench.said["SystemState"]["mode"] == 1
+    assert bench.reported["SystemState"]["mode"] == 1
 
 
 def test_invalid_and_foreign_frames_do_not_move_the_car(bench):
@@ -90,7 +90,7 @@ def test_invalid_and_foreign_frames_do_not_move_the_car(bench):
     assert bench.car.speed == 0.0
 
 
-def test_feedback_comes_at_the_manual_s_cycles(bench):
+def test_feedback_is_sent_at_the_cycles_of_the_manual(bench):
     bench.run(2.0)
     for can_id in (0x221, 0x311, 0x231, 0x241, 0x251, 0x252, 0x253, 0x254, 0x261, 0x262, 0x263, 0x264):
         assert bench.frames[can_id] == 100
@@ -98,7 +98,7 @@ def test_feedback_comes_at_the_manual_s_cycles(bench):
     assert bench.decoder.rejected == 0
 
 
-def test_a_host_that_steps_late_makes_no_burst_of_feedback(bus):
+def test_late_step_of_the_host_causes_no_burst_of_feedback(bus):
     car = ScoutSim(bus[1])
     for now in (0, 500 * MS, 505 * MS, 520 * MS):
         car.step(now)
@@ -109,11 +109,11 @@ def test_estop_stops_at_once_and_is_reported(bench):
     bench.enable().run(2.0, speed=2.0)
     bench.car.press_estop()
     bench.run(0.7, speed=2.0)
-    assert bench.said["SystemState"]["state"] == 1
+    assert bench.reported["SystemState"]["state"] == 1
     assert bench.car.speed == pytest.approx(0.0, abs=1e-9)
     bench.car.press_estop(False)
     bench.run(2.0, speed=1.0)
-    assert bench.said["SystemState"]["state"] == 0
+    assert bench.reported["SystemState"]["state"] == 0
     assert bench.car.speed == pytest.approx(1.0, abs=0.15)
 
 
@@ -121,24 +121,24 @@ def test_a_fault_is_latched_until_cleared(bench):
     bench.enable().run(1.0, speed=1.0)
     bench.car.inject("driver_hot", 3)
     bench.run(1.0, speed=1.0)
-    assert bench.said["SystemState"]["state"] == 2
-    assert bench.said["Driver3"]["driver_hot"] == 1
-    assert bench.said["Driver2"]["driver_hot"] == 0
+    assert bench.reported["SystemState"]["state"] == 2
+    assert bench.reported["Driver3"]["driver_hot"] == 1
+    assert bench.reported["Driver2"]["driver_hot"] == 0
     assert bench.car.speed == pytest.approx(0.0, abs=1e-9)
     bench.bus.send(encode("ClearErrors", {"motor": 2}))
-    assert bench.run(0.2).said["SystemState"]["state"] == 2
+    assert bench.run(0.2).reported["SystemState"]["state"] == 2
     bench.bus.send(encode("ClearErrors", {"motor": 3}))
-    assert bench.run(0.2).said["SystemState"]["state"] == 0
+    assert bench.run(0.2).reported["SystemState"]["state"] == 0
 
 
-def test_a_lasting_fault_can_be_cleared_only_after_its_cause_has_gone(bench):
+def test_lasting_fault_can_be_cleared_only_after_its_cause_ended(bench):
     bench.enable().run(0.1)
     bench.car.inject("motor_hot", 1, lasting=True)
     bench.bus.send(encode("ClearErrors", {}))
-    assert bench.run(0.2).said["SystemState"]["state"] == 2
+    assert bench.run(0.2).reported["SystemState"]["state"] == 2
     bench.car.heal("motor_hot", 1)
     bench.bus.send(encode("ClearErrors", {}))
-    assert bench.run(0.2).said["SystemState"]["state"] == 0
+    assert bench.run(0.2).reported["SystemState"]["state"] == 0
     with pytest.raises(ValueError, match="motor_hot"):
         bench.car.inject("flat tyre")
 
@@ -147,13 +147,13 @@ def test_the_remote_control_has_priority_and_gives_back_to_standby(bench):
     bench.enable().run(1.0, speed=1.0)
     bench.car.set_rc((-0.5, 0.0))
     bench.run(2.5, speed=1.0)
-    assert bench.said["SystemState"]["mode"] == 3
+    assert bench.reported["SystemState"]["mode"] == 3
     assert bench.car.speed == pytest.approx(-0.5, abs=0.15)
     bench.enable().run(0.2)
-    assert bench.said["SystemState"]["mode"] == 3
+    assert bench.reported["SystemState"]["mode"] == 3
     bench.car.set_rc(None)
     bench.run(1.5, speed=1.0)
-    assert bench.said["SystemState"]["mode"] == 0
+    assert bench.reported["SystemState"]["mode"] == 0
     assert bench.car.speed == pytest.approx(0.0, abs=0.01)
 
 
@@ -161,13 +161,13 @@ def test_battery_warns_then_stops_the_car(bench):
     bench.enable().run(1.0, speed=1.0)
     bench.car.battery.set_voltage(23.2)
     bench.run(1.0, speed=1.0)
-    assert bench.said["SystemState"]["under_voltage_warning"] == 1
-    assert bench.said["SystemState"]["state"] == 0
+    assert bench.reported["SystemState"]["under_voltage_warning"] == 1
+    assert bench.reported["SystemState"]["state"] == 0
     assert bench.car.speed > 0.8
     bench.car.battery.set_voltage(21.5)
     bench.run(1.0, speed=1.0)
-    assert bench.said["SystemState"]["under_voltage"] == 1
-    assert bench.said["SystemState"]["state"] == 2
+    assert bench.reported["SystemState"]["under_voltage"] == 1
+    assert bench.reported["SystemState"]["state"] == 2
     assert bench.car.speed == pytest.approx(0.0, abs=1e-9)
 
 
@@ -178,7 +178,7 @@ def test_driving_empties_the_battery(bench):
     assert 1.2 * 5 < used * 3600 * 15.0 < 30 * 5  # more than idling, less than 30 A
 
 
-def test_brake_and_mute(bench):
+def test_car_obeys_brake_and_mute_frames(bench):
     bench.enable().run(1.0, speed=1.0)
     bench.bus.send(encode("BrakeCommand", {"lock": 1}))
     bench.run(1.0, speed=1.0)
@@ -186,45 +186,47 @@ def test_brake_and_mute(bench):
     bench.bus.send(encode("BrakeCommand", {"lock": 0}))
     assert bench.run(1.5, speed=1.0).car.speed > 0.8
     bench.car.mute("MotionState")
-    heard = bench.frames[0x221]
+    received = bench.frames[0x221]
     bench.run(0.5)
-    assert bench.frames[0x221] == heard
-    assert bench.frames[0x311] > heard
+    assert bench.frames[0x221] == received
+    assert bench.frames[0x311] > received
 
 
 def test_lights_are_reported(bench):
     bench.enable().run(0.1)
     bench.bus.send(encode("LightCommand", {"enable": 1, "front_mode": 3, "front": 40}))
-    assert bench.run(0.1).said["LightState"]["front"] == 40
+    assert bench.run(0.1).reported["LightState"]["front"] == 40
 
 
 def test_wheels_and_truth_differ_as_a_skid_steered_car_s_do(bus):
-    said, true, veer = [], [], []
+    reported, true, veer = [], [], []
     for seed in range(8):
         bench = Bench(bus, seed)
         bench.enable().run(1.0, speed=1.0, turn=0.8)
-        turned = [(bench.run(0.02, 1.0, 0.8).said["MotionState"]["turn_rate"], bench.car.turn_rate) for _ in range(100)]
-        said.append(np.mean(turned, axis=0)[0])
+        turned = [
+            (bench.run(0.02, 1.0, 0.8).reported["MotionState"]["turn_rate"], bench.car.turn_rate) for _ in range(100)
+        ]
+        reported.append(np.mean(turned, axis=0)[0])
         true.append(np.mean(turned, axis=0)[1])
         start = bench.car.pose.heading
         bench.run(3.0, speed=1.0)
         veer.append(bench.car.pose.heading - start)
-    assert np.mean(said) == pytest.approx(0.8, abs=0.02)
-    assert 0.85 < np.mean(true) / np.mean(said) < 0.99
-    assert np.std(np.array(true) / said) > 0.005
+    assert np.mean(reported) == pytest.approx(0.8, abs=0.02)
+    assert 0.85 < np.mean(true) / np.mean(reported) < 0.99
+    assert np.std(np.array(true) / reported) > 0.005
 
 
 def test_odometry_adds_up_the_wheels(bench):
     bench.enable().run(0.1)
     bench.run(3.0, speed=1.0)
-    rolled = bench.said["Odometry"]
+    rolled = bench.reported["Odometry"]
     distance = math.hypot(*bench.car.pose[:2])
     assert 0.5 * (rolled["left"] + rolled["right"]) == pytest.approx(distance, rel=0.06)
-    assert bench.said["Motor1"]["pulses"] == pytest.approx(rolled["right"] * 10_000, abs=400)
-    assert bench.said["Motor1"]["rpm"] > 90
+    assert bench.reported["Motor1"]["pulses"] == pytest.approx(rolled["right"] * 10_000, abs=400)
+    assert bench.reported["Motor1"]["rpm"] > 90
 
 
-def test_a_parked_car_stands_still(bench):
+def test_parked_car_does_not_move(bench):
     bench.enable().run(3.0, speed=0.0)
     assert bench.car.pose == (0.0, 0.0, 0.0)
 
@@ -246,7 +248,7 @@ def test_equal_seeds_give_equal_cars_whatever_the_host_s_period(bus):
     assert drive(1, 4 * MS) != drive(2, 4 * MS)
 
 
-def test_the_board_s_row(bench):
+def test_board_row_has_the_pose_and_motion_of_the_car(bench):
     bench.enable().run(2.0, speed=1.0, turn=0.4)
     row = bench.car.board_row(1.5, 1.2)
     assert list(row) == [

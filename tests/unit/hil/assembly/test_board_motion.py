@@ -12,7 +12,7 @@ from scenarios.spec import list_scenarios, load
 
 
 @pytest.mark.parametrize("name", list_scenarios())
-def test_the_car_waits_on_its_path_and_the_drone_behind_it_looking_at_it(name):
+def test_car_starts_on_its_path_and_the_vehicle_behind_it_facing_the_board(name):
     scenario = load(name)
     for seed in range(4):
         drawn = draw(scenario, seed)
@@ -32,7 +32,7 @@ def test_equal_seeds_draw_equal_boards_and_others_do_not():
     assert not np.array_equal(rows[0], rows[2])
 
 
-def test_hard_i_asks_for_the_papers_speeds():
+def test_hard_i_board_motion_has_the_published_speeds():
     scenario = load("hard-i")
     drawn = draw(scenario, 1)
     aux, row = motion_aux(scenario, drawn), start_board(scenario, drawn)

@@ -20,21 +20,21 @@ def assembly():
 
 
 @pytest.mark.parametrize("name", NODES)
-def test_a_row_builds_the_node_of_its_name(assembly, name):
+def test_table_row_builds_the_node_of_its_name(assembly, name):
     node = assembly.node(name)
     assert isinstance(node, Node)
     assert node.name == name
     node.close()
 
 
-def test_nodes_act_in_the_order_of_the_rows():
+def test_nodes_step_in_the_order_of_the_rows():
     assert node_names(PLAN.rig) == (
         *("car_device", "vehicle_device", "mocap", "director", "referee", "car_follower", "car_link", "camera"),
         *("detector", "vehicle_link", "belief", "policy"),
     )
 
 
-def test_services_start_with_the_devices_and_the_safety_gate_is_alone_in_its_process():
+def test_device_services_start_first_and_the_safety_gate_has_its_own_process():
     services = service_nodes(PLAN.rig)
     assert list(services) == [
         *("vehicle_device", "car_device", "mocap", "vehicle_link", "car", "camera", "detector", "brain", "referee")
@@ -52,6 +52,6 @@ def test_the_services_that_drive_a_device_are_those_of_vehicle_and_car():
     assert driving_services() == ("vehicle_link", "car")
 
 
-def test_a_node_that_the_rig_does_not_have_is_refused(assembly):
+def test_node_without_a_slot_in_the_rig_is_refused(assembly):
     with pytest.raises(ValueError, match="no node 'lidar'; it has car_device"):
         assembly.node("lidar")

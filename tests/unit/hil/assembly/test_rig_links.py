@@ -1,4 +1,4 @@
-"""Rigs with real links: what is missing in the file is told when it is read, what is missing outside by `reach`."""
+"""Rigs with real links: faults of the file are reported when it is read, missing devices by `reach`."""
 
 import math
 import socket
@@ -26,7 +26,7 @@ from vehicle.quadrotor.airframe import load_airframe
 
 
 @pytest.mark.parametrize("name", ["sim", "px4-sitl", "bench", "field"])
-def test_the_rigs_that_come_with_it_can_be_read_and_warmed_up(name):
+def test_shipped_rigs_can_be_read_and_warmed_up(name):
     rig = load_rig(name)
     assert rig.simulated == (name == "sim")
     assert simulated_twin(rig).simulated
@@ -34,7 +34,7 @@ def test_the_rigs_that_come_with_it_can_be_read_and_warmed_up(name):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ('[vehicle]\nkind = "mavlink"', "needs a url"),
         ('[vehicle]\nkind = "mavlink"\nurl = "14540"', "udp://:14540"),
@@ -49,10 +49,10 @@ def test_the_rigs_that_come_with_it_can_be_read_and_warmed_up(name):
         ('[vehicle]\nkind = "mavlink"\nurl = "udp://:14540"\nexternal_pose = true', "its own estimate"),
     ],
 )
-def test_an_incomplete_rig_is_an_error_when_it_is_read(tmp_path, text, told):
+def test_incomplete_rig_raises_when_read(tmp_path, text, expected):
     path = tmp_path / "mine.toml"
     path.write_text(f'title = "mine"\n{text}\n')
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ConfigError, match=expected):
         load_rig(str(path))
 
 
@@ -66,7 +66,7 @@ def found(rig, listen_s=0.1):
     return {slot.slot: slot for slot in reach(rig, listen_s=listen_s)}
 
 
-def test_what_is_not_there_is_named_slot_by_slot(tmp_path):
+def test_missing_devices_are_named_for_each_slot(tmp_path):
     there = found(load_rig("bench"))
     assert "/dev/ttyACM0" in there["vehicle"].text
     assert "/dev/video0" in there["camera"].text
@@ -78,23 +78,23 @@ def rig(**slots):
     return Rig.model_validate({"title": "mine", **slots})
 
 
-def test_a_camera_that_plays_a_recording_must_have_one(tmp_path):
+def test_recorded_camera_without_a_recording_is_refused(tmp_path):
     seen = found(rig(camera={"kind": "mcap", "device": str(tmp_path / "none")}))["camera"]
     assert (seen.ok, seen.kind) == (False, "mcap")
     assert "cannot be read" in seen.text
 
 
-def test_motion_capture_is_asked_for_its_bodies():
+def test_silent_motion_capture_server_is_named():
     pytest.importorskip("motioncapture", reason="kind vrpn: the package motioncapture is not installed")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:
-        nobody.bind(("127.0.0.1", 0))
-        server = f"127.0.0.1:{nobody.getsockname()[1]}"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        server = f"127.0.0.1:{silent.getsockname()[1]}"
         seen = found(rig(mocap={"kind": "vrpn", "server": server}))["mocap"]
     assert not seen.ok
     assert f"motion capture at {server} sends nothing" in seen.text
 
 
-def test_motion_capture_without_its_package_is_named(monkeypatch):
+def test_missing_motion_capture_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "motioncapture", None)
     seen = found(rig(mocap={"kind": "vrpn", "server": "127.0.0.1"}))["mocap"]
     assert not seen.ok
@@ -102,7 +102,7 @@ def test_motion_capture_without_its_package_is_named(monkeypatch):
 
 
 def autopilot(port, data, times=60):
-    """Somebody who sends `data` to a port for a while."""
+    """A sender of `data` to a port for a while."""
 
     def talk():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
@@ -117,21 +117,21 @@ def autopilot(port, data, times=60):
 
 
 @pytest.mark.parametrize(
-    ("data", "ok", "told"),
+    ("data", "ok", "expected"),
     [
         (Packer(1, 1).send_name("HEARTBEAT", 2, 12, 29, 0, 3, 3), True, "MAVLink comes in"),
         (b"\x00garbage", False, "data that are no MAVLink came"),
     ],
 )
-def test_a_vehicle_s_port_is_listened_to(data, ok, told):
+def test_reach_listens_on_the_port_of_the_vehicle(data, ok, expected):
     port = free_port()
     thread = autopilot(port, data)
     seen = found(rig(vehicle={"kind": "mavlink", "url": f"udp://:{port}"}), listen_s=0.5)["vehicle"]
     thread.join()
-    assert (seen.ok, told in seen.text) == (ok, True), seen.text
+    assert (seen.ok, expected in seen.text) == (ok, True), seen.text
 
 
-def test_a_port_in_use_is_named():
+def test_vehicle_port_in_use_is_named():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("0.0.0.0", 0))
         port = other.getsockname()[1]
@@ -141,10 +141,10 @@ def test_a_port_in_use_is_named():
 
 
 @pytest.mark.parametrize(
-    ("can_id", "ok", "told"),
+    ("can_id", "ok", "expected"),
     [(0x221, True, "protocol V2"), (0x151, False, "uses protocol V1"), (0x7AB, False, "1 other identifiers")],
 )
-def test_a_car_is_recognised_by_what_it_sends(can_id, ok, told):
+def test_car_is_recognised_by_its_can_frames(can_id, ok, expected):
     channel = f"reach-{can_id:x}"
     slot = {"kind": "can", "interface": "virtual", "channel": channel}
     car = open_can("virtual", channel)
@@ -160,10 +160,10 @@ def test_a_car_is_recognised_by_what_it_sends(can_id, ok, told):
     ended.set()
     thread.join()
     car.close()
-    assert (seen.ok, told in seen.text) == (ok, True), seen.text
+    assert (seen.ok, expected in seen.text) == (ok, True), seen.text
 
 
-def test_a_recorded_camera_is_no_real_device():
+def test_recorded_camera_is_not_a_real_device():
     assert rig(camera={"kind": "mcap", "device": "runs/x"}).simulated
     assert not rig(camera={"kind": "v4l2", "device": "/dev/video0"}).simulated
 

@@ -85,7 +85,7 @@ def test_recorded_pictures_pass_every_camera_item(context, name):
     assert judged.outcome in (Outcome.PASS, Outcome.MARGINAL), judged
 
 
-def test_measured_values_equal_the_set_ones(context):
+def test_bench_measures_the_values_set_in_the_simulation(context):
     bench = context.camera()
     seen = bench.measure_board(DISTANCE)
     assert len(seen) == 10
@@ -96,7 +96,7 @@ def test_measured_values_equal_the_set_ones(context):
     assert "vehicle's attitude as recorded" in bench.source
 
 
-def test_a_board_that_stands_at_another_angle_or_distance_fails(context):
+def test_camera_item_fails_on_a_board_at_another_angle_or_distance(context):
     bench = context.camera()
     bench.set_deg -= 10.0
     try:

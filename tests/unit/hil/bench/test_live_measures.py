@@ -83,7 +83,7 @@ def test_an_autopilot_on_udp_is_read_without_arming_it(tmp_path):
             context.forget()
 
 
-def test_car_on_a_can_bus_stops(tmp_path):
+def test_bench_measures_the_stop_of_a_car_on_a_can_bus(tmp_path):
     wire = open_can("virtual", "check")
     sim = ScoutSim(wire)
     context = with_rig(tmp_path, groundcar={"kind": "can", "interface": "virtual", "channel": "check"})
@@ -100,7 +100,7 @@ def test_car_on_a_can_bus_stops(tmp_path):
             context.forget()
 
 
-def test_no_answer_at_the_address_is_unknown_and_named(tmp_path, monkeypatch):
+def test_device_without_an_answer_is_unknown_and_its_address_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("hil.bench.vehicle._ANSWER_LIMIT_NS", 300_000_000)
     port = free_port()
     context = with_rig(tmp_path, vehicle={"kind": "mavlink", "url": f"udp://:{port}"})
@@ -112,7 +112,7 @@ def test_no_answer_at_the_address_is_unknown_and_named(tmp_path, monkeypatch):
         read(context, "car.mode")
 
 
-def test_a_camera_or_motion_capture_that_is_not_there_is_unknown_and_says_why(tmp_path):
+def test_absent_camera_or_motion_capture_is_unknown_with_the_reason(tmp_path):
     context = with_rig(tmp_path, camera={"kind": "v4l2", "device": "/dev/video77"})
     with pytest.raises(Unavailable, match="there is no camera /dev/video77"):
         read(context, "camera.mode")

@@ -1,4 +1,4 @@
-"""Comparing clocks: the truth lies within the stated error, the least round trip counts, a step of the date is told."""
+"""Comparing clocks: the truth is within the stated error, the shortest round trip is used, date steps are reported."""
 
 import struct
 
@@ -13,7 +13,7 @@ TRIP = st.integers(0, SECOND)
 
 
 @given(st.integers(-(10**15), 10**15), st.integers(-(10**9), 10**9), st.integers(0, 10**15), TRIP, TRIP)
-def test_the_truth_lies_within_the_error_however_unequal_the_ways(offset, date_offset, began, there, back):
+def test_clock_offset_error_bound_holds_for_unequal_transport_delays(offset, date_offset, began, there, back):
     theirs, date = began + there + offset, 10**18
     clock = compare(began, began + there + back, theirs, began + there + date + date_offset, date, False)
     assert abs(clock.offset_ns - offset) <= clock.error_ns + 1
@@ -21,11 +21,11 @@ def test_the_truth_lies_within_the_error_however_unequal_the_ways(offset, date_o
     assert clock.error_ns <= (there + back + 1) // 2
 
 
-def test_one_clock_has_no_offset_whatever_was_measured():
+def test_shared_clock_has_zero_offset_for_any_measurement():
     assert compare(0, 10, 400, 400, 0, True).offset_ns == 0
 
 
-def test_one_process_has_one_clock():
+def test_clock_id_is_constant_within_a_process():
     assert clock_id() == clock_id() != b""
 
 
@@ -43,7 +43,7 @@ def watched():
     return clocks, DateWatch(lambda: clocks.date_ns, lambda: clocks.monotonic_ns)
 
 
-def test_a_step_of_the_date_is_reported_once_with_its_size():
+def test_date_step_is_reported_once_with_its_size():
     clocks, watch = watched()
     clocks.run(SECOND)
     assert watch.text() == ""
@@ -56,7 +56,7 @@ def test_a_step_of_the_date_is_reported_once_with_its_size():
 
 
 @given(st.lists(st.integers(-STEP_NS + 1, STEP_NS - 1), max_size=20))
-def test_slewing_is_no_step(slews):
+def test_slewing_clock_is_not_reported_as_a_step(slews):
     clocks, watch = watched()
     for slew in slews:
         clocks.run(SECOND)
@@ -65,7 +65,7 @@ def test_slewing_is_no_step(slews):
 
 
 class Hub:
-    """A session whose hub lets leaves in before it answers questions."""
+    """A session whose hub accepts connections before it answers clock requests."""
 
     class Reply:
         class ok:
@@ -87,12 +87,12 @@ class Hub:
         return [] if self.asked <= self._silent else [self.Reply]
 
 
-def test_a_hub_that_does_not_answer_yet_is_asked_again():
+def test_clock_request_is_repeated_until_the_hub_answers():
     hub = Hub(silent=3)
     assert ClockWatch(hub).measure(tries=4).shared
     assert hub.asked == 3 + 4
 
 
-def test_a_hub_that_never_answers_is_given_up():
+def test_clock_measurement_fails_when_the_hub_never_answers():
     with pytest.raises(TimeoutError, match="does not answer for its clock"):
         ClockWatch(Hub(silent=10**6)).measure(limit_s=0.2)

@@ -1,4 +1,4 @@
-"""A hub with keys: who has none, or of another authority, stays out; who is in hears and says what he may."""
+"""A hub with keys refuses a client without a valid certificate, and each client topics that are not its own."""
 
 import time
 
@@ -38,8 +38,8 @@ def hub(keys):
 def join(hub, keys):
     buses = []
 
-    def joined(who):
-        buses.append(Bus(hub, credentials_in(keys, who)))
+    def joined(identity):
+        buses.append(Bus(hub, credentials_in(keys, identity)))
         return buses[-1]
 
     yield joined
@@ -48,11 +48,11 @@ def join(hub, keys):
 
 
 class RunEvents:
-    """Everything that is heard on a key: a subscription that nobody on this side has checked."""
+    """Everything received on a key: a subscription without a check on the side of the client."""
 
     def __init__(self, bus, key):
-        self.heard = []
-        bus._listen(key, lambda sample: self.heard.append(str(sample.key_expr).removeprefix(TOPIC)))
+        self.received = []
+        bus._listen(key, lambda sample: self.received.append(str(sample.key_expr).removeprefix(TOPIC)))
 
 
 def until(condition, again=lambda: None):
@@ -66,7 +66,7 @@ def until(condition, again=lambda: None):
 def test_a_process_without_a_certificate_is_refused(hub, keys):
     for more in (
         {},
-        {"transport/link/tls/root_ca_certificate": str(keys / "ca.crt")},  # it trusts the hub, but is nobody itself
+        {"transport/link/tls/root_ca_certificate": str(keys / "ca.crt")},  # it trusts the hub, but has no certificate
     ):
         config = settings(mode="client", **{"connect/endpoints": [hub], "connect/timeout_ms": 1500}, **more)
         with pytest.raises(zenoh.ZError):
@@ -86,7 +86,7 @@ def test_a_certificate_of_another_authority_is_refused(hub, keys, tmp_path):
         Bus(hub, foreign._replace(authority=keys / "ca.crt"), timeout_s=1.5)
 
 
-def test_a_client_notices_a_hub_of_another_authority(keys, tmp_path):
+def test_client_refuses_a_hub_of_another_authority(keys, tmp_path):
     make_keys(tmp_path / "other", ["hub"])
     endpoint = free_endpoint().replace("tcp/", "tls/")
     with (
@@ -96,7 +96,7 @@ def test_a_client_notices_a_hub_of_another_authority(keys, tmp_path):
         Bus(endpoint, credentials_in(keys, "brain"), timeout_s=1.5)
 
 
-def test_the_policys_identity_receives_its_inputs_and_never_the_cars_truth(join):
+def test_policy_identity_receives_its_inputs_and_no_truth_of_the_car(join):
     brain, car, detector = join("brain"), join("car_device"), join("detector")
     allowed, forbidden, all_of_it = (RunEvents(brain, TOPIC + key) for key in ("board/detection", "truth/board", "**"))
     witness = Mailbox()
@@ -107,33 +107,33 @@ def test_the_policys_identity_receives_its_inputs_and_never_the_cars_truth(join)
         car.publish(1, "truth/board", BOARD)
         detector.publish(1, "board/detection", seen)
 
-    until(lambda: len(allowed.heard) >= 10 and len(witness.drain()) > 0, publish)
-    assert forbidden.heard == []
-    assert set(all_of_it.heard) <= {"board/detection"}
+    until(lambda: len(allowed.received) >= 10 and len(witness.drain()) > 0, publish)
+    assert forbidden.received == []
+    assert set(all_of_it.received) <= {"board/detection"}
     witness.close()
 
 
-def test_only_the_policy_commands_and_only_the_gate_publishes_what_was_sent(join):
-    brain, link, camera, recorder = (join(who) for who in ("brain", "vehicle_link", "camera", "recorder"))
-    mailbox, said = Mailbox(), {"policy/action": set(), "vehicle/sent": set()}
-    recorder.subscribe("recorder", list(said), mailbox)
+def test_hub_accepts_commands_only_from_policy_and_sent_only_from_gate(join):
+    brain, link, camera, recorder = (join(identity) for identity in ("brain", "vehicle_link", "camera", "recorder"))
+    mailbox, writers = Mailbox(), {"policy/action": set(), "vehicle/sent": set()}
+    recorder.subscribe("recorder", list(writers), mailbox)
 
     def publish():
         for author, bus in enumerate((brain, link, camera)):
             bus.publish(author, "policy/action", ACTION)
             bus.publish(author, "vehicle/sent", SENT)
         for delivery in mailbox.drain():
-            said[delivery.topic].add(delivery.published_ns)  # here: who wrote it
+            writers[delivery.topic].add(delivery.published_ns)  # in this test the stamp identifies the writer
 
-    until(lambda: all(said.values()), publish)
+    until(lambda: all(writers.values()), publish)
     for _ in range(20):
         publish()
         mailbox.wait(20_000_000)
-    assert said == {"policy/action": {0}, "vehicle/sent": {1}}
+    assert writers == {"policy/action": {0}, "vehicle/sent": {1}}
     mailbox.close()
 
 
-def test_only_the_supervisor_gives_orders(join):
+def test_orders_are_accepted_only_from_the_supervisor(join):
     supervisor, brain, link = join("supervisor"), join("brain"), join("vehicle_link")
     orders = []
     link.on_table(CONTROL, orders.append)
@@ -146,5 +146,5 @@ def test_only_the_supervisor_gives_orders(join):
     assert all(order == {"order": "watch"} for order in orders)
 
 
-def test_every_service_may_compare_clocks(join):
+def test_every_service_identity_may_compare_clocks(join):
     assert join("camera").clock().measure(tries=3).shared

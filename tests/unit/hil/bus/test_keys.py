@@ -1,4 +1,4 @@
-"""The hub's access list is the contract: nobody hears or says more than his nodes may."""
+"""The access list of the hub agrees with the contract: an identity has only the rights of its nodes."""
 
 import pytest
 
@@ -19,7 +19,7 @@ def rules():
     return table, {rule["id"]: set(rule["key_exprs"]) for rule in table["rules"]}
 
 
-def test_everything_not_allowed_is_denied():
+def test_access_rules_deny_by_default():
     table, _ = rules()
     assert table["enabled"]
     assert table["default_permission"] == "deny"
@@ -27,14 +27,14 @@ def test_everything_not_allowed_is_denied():
 
 
 @pytest.mark.parametrize("kind", ["out", "sub"])
-def test_the_policys_identity_cannot_receive_the_cars_truth(kind):
+def test_policy_identity_may_not_read_the_truth_of_the_car(kind):
     _, keys = rules()
     assert {TOPIC + "belief", TOPIC + "vehicle/odometry"} <= keys[f"brain-{kind}"]
     assert not {TOPIC + "truth/board", TOPIC + "mocap/board", TOPIC + "car/command"} & keys[f"brain-{kind}"]
     assert not any("*" in key for key in keys[f"brain-{kind}"])
 
 
-def test_only_the_policy_commands_and_only_the_gate_publishes_what_was_sent():
+def test_keys_allow_commands_only_to_policy_and_sent_only_to_gate():
     _, keys = rules()
     for topic, service in (("policy/action", "brain"), ("vehicle/sent", "vehicle_link"), ("car/command", "car")):
         assert [name for name, allowed in keys.items() if name.endswith("-in") and TOPIC + topic in allowed] == [
@@ -50,7 +50,7 @@ def test_truth_has_one_source_while_the_vehicle_is_simulated():
     assert TOPIC + "truth/board" not in keys["car-in"]
 
 
-def test_every_node_publishes_what_the_contract_lets_it_write():
+def test_every_node_may_publish_its_topics_of_the_contract():
     twin = Assembly(PLAN.scenario, PLAN.rig, draw(PLAN.scenario, 0), PLAN.make_policy, MemoryWires(PLAN.rig, lambda: 0))
     for name in twin.names:
         node = twin.node(name)

@@ -42,7 +42,7 @@ def collect(mailbox, count, limit_s=5.0):
     return deliveries
 
 
-def published_until_heard(bus, mailbox, topic, make):
+def published_until_received(bus, mailbox, topic, make):
     """Publish until the subscription, which takes a moment to reach the hub, lets one through.
 
     Returns (how many were published, what came of them). While sessions are new and the machine is busy some may be
@@ -56,14 +56,14 @@ def published_until_heard(bus, mailbox, topic, make):
             while deliveries[-1].sequence < number and (more := collect(mailbox, 1, 1.0)):
                 deliveries += more
             return number + 1, deliveries
-    raise AssertionError("nothing was ever heard")
+    raise AssertionError("no message was received")
 
 
-def test_messages_arrive_whole_in_order_and_stamped(endpoint):
+def test_messages_arrive_complete_in_order_and_stamped(endpoint):
     mailbox = Mailbox()
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.subscribe("policy", ["belief"], mailbox)
-        first, _ = published_until_heard(a, mailbox, "belief", belief)
+        first, _ = published_until_received(a, mailbox, "belief", belief)
         for number in range(first, first + 200):
             assert a.publish(1000 + number, "belief", belief(number)) == number
         deliveries = collect(mailbox, 200)
@@ -74,11 +74,11 @@ def test_messages_arrive_whole_in_order_and_stamped(endpoint):
     mailbox.close()
 
 
-def test_pictures_come_bit_for_bit(endpoint):
+def test_pictures_arrive_bit_for_bit(endpoint):
     mailbox = Mailbox(pictures=60)
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.subscribe("detector", ["camera/image"], mailbox)
-        first, deliveries = published_until_heard(a, mailbox, "camera/image", image)
+        first, deliveries = published_until_received(a, mailbox, "camera/image", image)
         for number in range(first, first + 20):  # the sessions are no longer new
             a.publish(number, "camera/image", image(number))
             deliveries += collect(mailbox, 1, 0.1)
@@ -95,12 +95,12 @@ def test_pictures_come_bit_for_bit(endpoint):
         ("policy", "truth/bord", "does not list"),
     ],
 )
-def test_the_contract_says_who_reads(endpoint, reader, topic, text):
+def test_subscription_outside_the_contract_is_refused(endpoint, reader, topic, text):
     with Bus(endpoint) as bus, pytest.raises(BusError, match=text):
         bus.subscribe(reader, [topic], Mailbox())
 
 
-def test_the_recorder_reads_everything(endpoint):
+def test_recorder_may_subscribe_to_every_topic(endpoint):
     with Bus(endpoint) as bus:
         bus.subscribe("recorder", ["truth/board", "belief"], Mailbox())
 
@@ -113,7 +113,7 @@ def test_readers_that_share_a_mailbox_get_each_message_once(endpoint):
         with pytest.raises(BusError, match="may not read"):
             b.subscribe("referee", ["vehicle/odometry"], mailbox)
         level = (1.0, 0.0, 0.0, 0.0)
-        first, _ = published_until_heard(
+        first, _ = published_until_received(
             a, mailbox, "vehicle/odometry", lambda n: m.VehicleState(n, (0.0,) * 3, (0.0,) * 3, level, (0.0,) * 3)
         )
         for number in range(20):
@@ -126,11 +126,11 @@ def test_readers_that_share_a_mailbox_get_each_message_once(endpoint):
     mailbox.close()
 
 
-def test_garbage_on_a_topic_is_counted_not_delivered(endpoint):
+def test_invalid_payload_is_counted_and_not_delivered(endpoint):
     mailbox = Mailbox()
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.subscribe("policy", ["belief"], mailbox)
-        published_until_heard(a, mailbox, "belief", belief)
+        published_until_received(a, mailbox, "belief", belief)
         stamp = bytes(16)
         for payload, attachment in ((b"\xff\xff", stamp), (encode(belief(1)), b"short"), (encode(belief(1)), None)):
             a._session.put(TOPIC + "belief", payload, attachment=attachment)
@@ -142,28 +142,30 @@ def test_garbage_on_a_topic_is_counted_not_delivered(endpoint):
     mailbox.close()
 
 
-def test_a_health_is_of_the_service_whose_key_it_came_on(endpoint):
-    heard = []
+def test_health_table_belongs_to_the_service_of_its_key(endpoint):
+    received = []
     with Bus(endpoint) as a, Bus(endpoint) as b:
-        b.on_table(HEALTH + "*", heard.append)
+        b.on_table(HEALTH + "*", received.append)
         until = time.monotonic() + 5.0
-        while not heard and time.monotonic() < until:
+        while not received and time.monotonic() < until:
             a._session.put(HEALTH + "x", b"no json")
             a._session.put(HEALTH + "x", b"[1]")
             a.send_table(HEALTH + "x", {"service": "vehicle_link", "safe": True})
             time.sleep(0.02)
-    assert heard
-    assert all(table == {"service": "x", "safe": True} for table in heard), "the key names the service, not the table"
+    assert received
+    assert all(table == {"service": "x", "safe": True} for table in received), (
+        "the key names the service, not the table"
+    )
 
 
-def test_one_machine_has_one_clock(endpoint):
+def test_hub_on_the_same_machine_shares_the_clock(endpoint):
     with Bus(endpoint) as bus:
         clock = bus.clock().measure()
     assert clock.shared
     assert clock.offset_ns == 0
 
 
-def test_another_machines_clock_is_measured(endpoint, monkeypatch):
+def test_clock_offset_of_another_machine_is_measured(endpoint, monkeypatch):
     monkeypatch.setattr("hil.bus.clock.clock_id", lambda: b"another machine")
     with Bus(endpoint) as bus:
         watch = bus.clock()
@@ -177,17 +179,17 @@ def test_another_machines_clock_is_measured(endpoint, monkeypatch):
         assert abs(watch.moved_ns) <= 2 * first.error_ns
 
 
-def test_without_a_hub_it_says_what_to_start():
+def test_missing_hub_error_names_the_command_to_start():
     with pytest.raises(BusError, match="perch-hil bus hub"):
         Bus(free_endpoint(), timeout_s=0.3)
 
 
-def test_a_port_in_use_is_named(endpoint):
+def test_hub_port_in_use_error_names_the_endpoint(endpoint):
     with pytest.raises(BusError, match=f"cannot listen on {endpoint}: another hub or program is on that port"):
         open_hub(endpoint)
 
 
-def test_an_address_of_another_host_is_named():
+def test_hub_address_of_another_host_error_names_it():
     with pytest.raises(BusError, match="this host has no such address"):
         open_hub("tcp/192.0.2.1:7447")
 
@@ -201,7 +203,7 @@ def put(mailbox, topic, number, message):
         mailbox.put(topic, encode(message), stamp)
 
 
-def test_the_newest_picture_wins_and_the_others_are_counted():
+def test_mailbox_keeps_the_newest_picture_and_counts_the_others():
     mailbox = Mailbox()
     for number in range(5):
         put(mailbox, "camera/image", number, image(number))
@@ -220,7 +222,7 @@ def test_a_reader_with_a_picture_period_takes_fewer_pictures_and_counts_none_as_
     assert "camera/image" not in mailbox.lost | mailbox.dropped
 
 
-def test_a_full_mailbox_drops_the_oldest():
+def test_full_mailbox_drops_its_oldest_message():
     mailbox = Mailbox(depth=8)
     for number in range(11):
         put(mailbox, "belief", number, belief(number))
@@ -228,7 +230,7 @@ def test_a_full_mailbox_drops_the_oldest():
     assert mailbox.dropped == {"belief": 3}
 
 
-def test_missing_numbers_are_counted():
+def test_missing_sequence_numbers_are_counted():
     mailbox = Mailbox()
     for number in (0, 1, 4, 5, 9):
         put(mailbox, "belief", number, belief(number))
@@ -237,7 +239,7 @@ def test_missing_numbers_are_counted():
 
 
 @pytest.mark.parametrize("wild", [2**63, 2**64 - 1, 2**32, 70_000])
-def test_a_number_that_cannot_be_is_garbage_and_the_next_message_counts(wild):
+def test_invalid_sequence_number_is_counted_and_the_next_message_is_delivered(wild):
     mailbox = Mailbox()
     for number in (0, wild, 1):
         mailbox.put("belief", encode(belief(number % 1000)), STAMP.pack(0, number))
@@ -245,7 +247,7 @@ def test_a_number_that_cannot_be_is_garbage_and_the_next_message_counts(wild):
     assert (mailbox.garbage, mailbox.lost) == (1, {})
 
 
-def test_topics_keep_their_common_order():
+def test_mailbox_keeps_the_order_between_topics():
     mailbox = Mailbox()
     order = ["belief", "run/stage", "belief", "run/stage"]
     for number, topic in enumerate(order):
@@ -253,7 +255,7 @@ def test_topics_keep_their_common_order():
     assert [delivery.topic for delivery in mailbox.drain()] == order
 
 
-def test_zenoh_is_not_scouting():
+def test_zenoh_multicast_scouting_is_off():
     from hil.bus.session import settings
 
     config = settings(mode="client")

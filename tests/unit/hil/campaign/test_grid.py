@@ -1,4 +1,4 @@
-"""A campaign's book-keeping: what is refused beforehand, what is left to do, what a dead process means."""
+"""Jobs of a campaign: invalid ones are refused at the start, finished ones skipped, a killed process ends it."""
 
 import os
 import signal
@@ -39,7 +39,7 @@ def flown(grid, job, outcome="success", state="finished", **changes):
     return run
 
 
-def test_jobs_go_seed_by_seed_so_that_policies_can_be_compared_early(grid):
+def test_jobs_are_ordered_by_seed_then_policy(grid):
     jobs = check(grid)
     assert len(jobs) == len(set(jobs)) == 12
     assert [job.policy for job in jobs[:2]] == ["planner", "planner-analytic"]
@@ -47,7 +47,7 @@ def test_jobs_go_seed_by_seed_so_that_policies_can_be_compared_early(grid):
 
 
 @pytest.mark.parametrize(
-    ("changes", "says"),
+    ("changes", "message"),
     [
         ({"scenarios": ("hard-i", "hard-i")}, "scenario hard-i is given twice"),
         ({"policies": ("planner", "planner")}, "policy planner is given twice"),
@@ -57,13 +57,13 @@ def test_jobs_go_seed_by_seed_so_that_policies_can_be_compared_early(grid):
         ({"seeds": range(MAX_SEED, MAX_SEED + 2)}, "out of range"),
     ],
 )
-def test_what_cannot_be_flown_is_refused_beforehand(grid, changes, says):
-    with pytest.raises(ValueError, match=says):
+def test_invalid_campaign_is_refused_before_the_first_flight(grid, changes, message):
+    with pytest.raises(ValueError, match=message):
         check(replace(grid, **changes))
     assert list(grid.out.iterdir()) == []
 
 
-def test_what_the_folder_holds_is_not_flown_again(grid):
+def test_jobs_with_a_run_in_the_folder_are_skipped(grid):
     jobs = check(grid)
     flown(grid, jobs[0])
     flown(grid, jobs[1], outcome="fail")  # a miss is a result
@@ -78,7 +78,7 @@ def test_what_the_folder_holds_is_not_flown_again(grid):
     assert left_to_do(replace(grid, out=grid.out / "absent"), jobs) == jobs
 
 
-def test_a_policy_is_what_its_file_holds(grid, tmp_path):
+def test_policy_is_identified_by_the_content_of_its_file(grid, tmp_path):
     a, b = tmp_path / "a" / "p.onnx", tmp_path / "b" / "p.onnx"
     for path, content in ((a, b"one"), (b, b"one")):
         path.parent.mkdir()
@@ -90,7 +90,7 @@ def test_a_policy_is_what_its_file_holds(grid, tmp_path):
 
 
 @given(st.recursive(st.integers() | st.text(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
-def test_the_order_of_keys_makes_no_other_run(value):
+def test_job_key_is_independent_of_dict_order(value):
     def turned(value):
         if isinstance(value, dict):
             return {key: turned(value[key]) for key in reversed(value)}
@@ -103,7 +103,7 @@ def fine(grid, job, code):
     return Result(job, "perched" if job.seed == 1 else "missed")
 
 
-def dies(grid, job, code):
+def killed_process(grid, job, code):
     os._exit(9)
 
 
@@ -111,7 +111,7 @@ def stopped(grid, job, code):
     return None
 
 
-def test_every_job_comes_back_once(grid, monkeypatch):
+def test_every_job_returns_one_result(grid, monkeypatch):
     monkeypatch.setattr(campaign_grid, "_fly", fine)
     jobs = [Job("simple-i", "planner", seed) for seed in range(5)]
     results = list(fly_all(grid, jobs, 2, CODE))
@@ -120,7 +120,7 @@ def test_every_job_comes_back_once(grid, monkeypatch):
 
 
 def test_a_process_that_dies_ends_the_campaign_with_one_line(grid, monkeypatch):
-    monkeypatch.setattr(campaign_grid, "_fly", dies)
+    monkeypatch.setattr(campaign_grid, "_fly", killed_process)
     with pytest.raises(CampaignError, match="the same command goes on"):
         list(fly_all(grid, [Job("simple-i", "planner", 0)], 1, CODE))
 
@@ -138,7 +138,7 @@ def test_an_interrupted_flight_ends_the_campaign(grid, monkeypatch):
         (KeyboardInterrupt(), None),
     ],
 )
-def test_what_a_flight_raises_is_told_and_interrupts_are_ignored_afterwards(grid, monkeypatch, raised, expected):
+def test_exception_of_a_flight_is_reported_and_later_interrupts_are_ignored(grid, monkeypatch, raised, expected):
     before = signal.getsignal(signal.SIGINT)
     seen = []
 
@@ -154,7 +154,7 @@ def test_what_a_flight_raises_is_told_and_interrupts_are_ignored_afterwards(grid
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_flight_without_an_attempt_is_a_failure_not_a_miss(grid, monkeypatch):
+def test_flight_without_an_attempt_counts_as_failure_and_not_as_miss(grid, monkeypatch):
     score = SimpleNamespace(verdict="missed", reasons=())
     flight = SimpleNamespace(
         interrupted=False, run=SimpleNamespace(recording=grid.out / "none"), score=score, failure="no GPS"

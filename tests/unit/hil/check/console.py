@@ -87,7 +87,7 @@ class Console:
         os.waitpid(self.pid, 0)
 
     def end(self) -> tuple[int, str]:
-        """Exit code, and all that was still said."""
+        """Exit code, and the remaining output."""
         rest = self.text
         while True:
             try:

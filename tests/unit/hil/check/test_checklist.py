@@ -22,18 +22,18 @@ def write(tmp_path, text):
     return str(path)
 
 
-def test_the_lists_that_come_with_the_project_load():
+def test_shipped_checklists_load():
     assert list_checklists() == ["postflight", "preflight"]
     for name in list_checklists():
         assert load_checklist(name).kind == name
 
 
-def test_own_list_clears_only_with_kind_preflight(tmp_path):
+def test_own_checklist_clears_only_with_kind_preflight(tmp_path):
     assert load_checklist(write(tmp_path, GOOD)).kind == "other"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "message"),
     [
         (
             "host.disk",
@@ -52,14 +52,14 @@ def test_own_list_clears_only_with_kind_preflight(tmp_path):
         ("title", "title = = 1", ["not valid TOML"]),
     ],
 )
-def test_a_bad_list_names_file_key_and_what_is_allowed(tmp_path, old, new, says):
+def test_error_of_an_invalid_checklist_names_file_key_and_allowed_values(tmp_path, old, new, message):
     with pytest.raises(ConfigError) as error:
         load_checklist(write(tmp_path, GOOD.replace(old, new, 1)))
-    for words in ["mine.toml", *says]:
+    for words in ["mine.toml", *message]:
         assert words in str(error.value)
 
 
-def test_every_fault_of_a_list_is_named_at_once(tmp_path):
+def test_all_faults_of_a_checklist_are_reported_together(tmp_path):
     text = GOOD.replace("host.disk", "host.disc") + '[[group.item]]\ncheck = "vehicle.parameter"\n'
     with pytest.raises(ConfigError) as error:
         load_checklist(write(tmp_path, text))
@@ -68,7 +68,7 @@ def test_every_fault_of_a_list_is_named_at_once(tmp_path):
 
 
 @pytest.mark.parametrize("args", ["{ name = 3 }", '{ name = "A", nam = "B" }'])
-def test_arguments_have_types(tmp_path, args):
+def test_check_argument_of_a_wrong_type_or_name_is_refused(tmp_path, args):
     text = GOOD.replace('check = "host.disk"', f'check = "vehicle.parameter"\nargs = {args}')
     with pytest.raises(ConfigError, match=r"must be str|did you mean"):
         load_checklist(write(tmp_path, text))
@@ -82,7 +82,7 @@ def test_an_unknown_list_and_two_groups_of_one_name_are_refused(tmp_path):
         load_checklist(write(tmp_path, GOOD + group))
 
 
-def test_items_for_the_other_sort_of_rig_do_not_apply():
+def test_items_for_another_kind_of_rig_are_left_out():
     rig = load_rig("sim")
     items = [item for group in load_checklist("preflight").group for item in group.item]
     assert {item.when for item in items} == {"any", "simulated", "real"}
@@ -90,7 +90,7 @@ def test_items_for_the_other_sort_of_rig_do_not_apply():
         assert item.applies(rig) == (item.when != "real")
 
 
-def test_the_slot_decides_on_a_rig_with_one_real_device():
+def test_items_apply_by_slot_on_a_rig_with_one_real_device():
     rig = load_rig("sim")
     car = rig.groundcar.model_copy(update={"kind": "can"})
     mixed = rig.model_copy(update={"groundcar": car})
@@ -101,7 +101,7 @@ def test_the_slot_decides_on_a_rig_with_one_real_device():
     assert not items["Propellers off, or vehicle tied down?"].applies(mixed)
 
 
-def test_keys_are_unique_and_the_digest_is_of_the_content():
+def test_item_keys_are_unique_and_the_digest_follows_the_content():
     preflight = load_checklist("preflight")
     keys = [key for _, _, key in preflight.places()]
     assert len(set(keys)) == len(keys)

@@ -99,7 +99,7 @@ def test_go_without_sign_off_is_incomplete(listed):
 
 
 @pytest.mark.parametrize("place", range(6))
-def test_kill_9_at_each_item_loses_nothing_and_the_next_session_resumes(listed, place):
+def test_kill_9_at_any_item_keeps_the_record_for_resuming(listed, place):
     hold = listed / f"hold-{place}"
     if place % 2 == 0:
         hold.touch()
@@ -140,7 +140,7 @@ def test_ctrl_c_at_a_question_keeps_the_record_for_resuming(listed):
     assert records.read(listed / "record.json").entries[1].outcome is Outcome.PASS
 
 
-def test_a_closed_window_keeps_the_record(listed):
+def test_hangup_of_the_terminal_keeps_the_record(listed):
     console = start(listed)
     answer(console, 1)
     console.wait_for(QUESTIONS[3])
@@ -168,7 +168,7 @@ def test_keys_typed_ahead_are_discarded(listed, typed):
     console.kill()
 
 
-def test_a_failed_item_with_its_reason_is_a_no_go(listed):
+def test_failed_item_with_a_reason_is_a_no_go(listed):
     console = start(listed)
     console.wait_for(QUESTIONS[1])
     console.wait_for(KEYS)
@@ -186,7 +186,7 @@ def test_a_failed_item_with_its_reason_is_a_no_go(listed):
     assert record.entries[3].outcome is Outcome.PENDING
 
 
-def test_repaired_device_is_tried_again(listed):
+def test_failed_item_can_be_repeated_after_repair(listed):
     (listed / "bad-2").touch()
     console = start(listed)
     answer(console, 1)
@@ -241,11 +241,11 @@ class TestWithoutATerminal:
         path = self.automatic(listed)
         assert run_checklist(check_request(listed, path, sign=sign)) == code
 
-    def test_json_is_the_record_and_nothing_else_on_stdout(self, listed, capsys):
+    def test_json_output_is_only_the_record(self, listed, capsys):
         assert run_checklist(check_request(listed, self.automatic(listed), sign=True, as_json=True)) == 0
-        said = capsys.readouterr()
-        assert json.loads(said.out) == records.read(listed / "record.json").as_dict()
-        assert "GO, sealed by Ann" in said.err
+        printed = capsys.readouterr()
+        assert json.loads(printed.out) == records.read(listed / "record.json").as_dict()
+        assert "GO, sealed by Ann" in printed.err
 
     def test_a_failure_is_never_signed_on_the_command_line(self, listed, capsys):
         (listed / "bad-0").touch()
@@ -256,11 +256,11 @@ class TestWithoutATerminal:
         for fresh, count in ((False, 1), (False, 1), (True, 2)):
             run_checklist(check_request(listed, listed / "list.toml", record=None, fresh=fresh))
             assert len(list((listed / "checks").glob("*.json"))) == count
-        said = capsys.readouterr().err
-        assert "resuming" in said and "0 answers kept" in said
+        printed = capsys.readouterr().err
+        assert "resuming" in printed and "0 answers kept" in printed
 
     @pytest.mark.parametrize(
-        ("more", "says"),
+        ("more", "message"),
         [
             ({"rig": "simm"}, 'did you mean "sim"'),
             ({"scenario": "hard-1"}, 'did you mean "hard-i"'),
@@ -270,10 +270,10 @@ class TestWithoutATerminal:
             ({"list_name": "nowhere.toml"}, "cannot be read"),
         ],
     )
-    def test_usage_error_is_one_line_and_leaves_no_record(self, listed, capsys, more, says):
+    def test_usage_error_is_one_line_and_leaves_no_record(self, listed, capsys, more, message):
         with pytest.raises((ValueError, ProvenanceError)) as error:
             run_checklist(check_request(listed, listed / "list.toml", **more))
-        assert says in str(error.value)
+        assert message in str(error.value)
         assert len(str(error.value).splitlines()) == 1
         assert not (listed / "record.json").exists()
 

@@ -111,7 +111,7 @@ def test_private_key_open_to_other_users_is_refused(tmp_path, crew, mode):
         load_crew_key(private_file(tmp_path, crew, mode=mode))
 
 
-def test_files_that_are_no_such_key_are_named(tmp_path, crew):
+def test_error_names_an_invalid_key_file(tmp_path, crew):
     (tmp_path / "odd.pem").write_text("no key")
     (tmp_path / "odd.pem").chmod(0o600)
     for path in (tmp_path / "odd.pem", private_file(tmp_path, generate_private_key(SECP256R1()), "ec.pem")):

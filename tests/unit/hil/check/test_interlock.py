@@ -45,7 +45,7 @@ def test_a_simulated_rig_needs_no_checklist(tmp_path):
     assert clear(tmp_path / "none", SIM).manifest() == {"kind": "simulated"}
 
 
-def test_a_fresh_signed_go_clears_and_goes_into_the_manifest(go, tmp_path):
+def test_recent_signed_go_clears_and_is_written_to_the_manifest(go, tmp_path):
     path = go()
     table = clear(tmp_path).manifest()
     assert table["kind"] == "checklist"
@@ -68,7 +68,7 @@ def test_no_record_is_refused_with_the_command_to_run(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("made", "says"),
+    ("made", "message"),
     [
         ({"sign": False}, "is not signed off"),
         ({"outcome": Outcome.FAIL}, "is a no-go"),
@@ -82,13 +82,13 @@ def test_no_record_is_refused_with_the_command_to_run(tmp_path):
         ({"kind": "other"}, "no preflight record"),
     ],
 )
-def test_record_that_does_not_fit_is_refused_with_the_reason(go, tmp_path, made, says):
+def test_mismatching_record_is_refused_with_the_reason(go, tmp_path, made, message):
     go(**made)
-    with pytest.raises(NotClearedError, match=says):
+    with pytest.raises(NotClearedError, match=message):
         clear(tmp_path)
 
 
-def test_one_go_clears_the_class_of_scenarios(go, tmp_path):
+def test_one_go_clears_all_scenarios_of_its_class(go, tmp_path):
     go(scenario="hard-i")
     assert clear(tmp_path, scenario="hard-ii").kind == "checklist"
     with pytest.raises(NotClearedError, match="class"):
@@ -135,12 +135,12 @@ def test_override_needs_a_reason_and_is_kept_with_the_refusal(tmp_path):
     assert "no preflight record" in table["refused_because"]
 
 
-def test_an_override_that_is_not_needed_overrides_nothing(go, tmp_path):
+def test_unneeded_override_leaves_the_clearance_by_checklist(go, tmp_path):
     go()
     assert clear(tmp_path, override="just in case").kind == "checklist"
 
 
-def test_the_refusal_is_about_this_rigs_newest_record(go, tmp_path):
+def test_refusal_names_the_newest_record_of_the_rig(go, tmp_path):
     go(age=timedelta(hours=9))
     go(age=timedelta(hours=6))
     go(name="other", sign=False, age=timedelta(minutes=1))
@@ -159,7 +159,7 @@ def test_the_refusal_is_about_this_rigs_newest_record(go, tmp_path):
     ],
     ids=str,
 )
-def test_odd_file_beside_a_valid_go_does_not_stop_arming(go, tmp_path, change):
+def test_invalid_file_beside_a_valid_go_does_not_prevent_arming(go, tmp_path, change):
     table = json.loads(go().read_text())
     (tmp_path / "odd.json").write_text(json.dumps({**table, **change}))
     assert clear(tmp_path).kind == "checklist"

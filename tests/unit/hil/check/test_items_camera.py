@@ -15,7 +15,7 @@ from vehicle.render.renderer import Renderer
 
 
 @pytest.mark.parametrize("scenario", ["simple-ii", "normal-i", "hard-ii"])
-def test_camera_measures_the_boards_inclination(tmp_path, scenario):
+def test_camera_item_measures_the_inclination_of_the_board(tmp_path, scenario):
     context = replace(make_context(tmp_path), scenario=load(scenario))
     seen = context.camera().measure_board(2.0)
     error = math.degrees(context.drawn.camera_tilt_error)
@@ -26,7 +26,7 @@ def test_camera_measures_the_boards_inclination(tmp_path, scenario):
         assert abs(picture.inclination - context.scenario.board.inclination_deg) == pytest.approx(abs(error), abs=0.3)
 
 
-def test_a_board_set_to_another_angle_is_seen(context):
+def test_inclination_item_fails_on_a_board_at_another_angle(context):
     bench = context.camera()
     bench.measure_board(2.0)
     bench.set_deg -= 10.0  # the scenario's angle differs from the board's
@@ -34,7 +34,7 @@ def test_a_board_set_to_another_angle_is_seen(context):
     assert judged.outcome is Outcome.FAIL
 
 
-def test_a_covered_lens_decodes_nothing(context, monkeypatch):
+def test_camera_decode_fails_with_a_covered_lens(context, monkeypatch):
     class Covered(Renderer):
         def render(self, vehicle, board, exposure_ns, frame_index):
             picture = super().render(vehicle, board, exposure_ns, frame_index)
@@ -47,7 +47,7 @@ def test_a_covered_lens_decodes_nothing(context, monkeypatch):
         result(context, "board.inclination")
 
 
-def test_a_long_exposure_cannot_keep_the_scenarios_rate(context):
+def test_camera_item_fails_when_the_exposure_exceeds_the_picture_period(context):
     fast = replace(context, scenario=load("hard-i"))
     assert result(with_slot(fast, "camera", exposure_ms=25.0), "camera.mode").outcome is Outcome.FAIL
 

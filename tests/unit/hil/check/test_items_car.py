@@ -37,7 +37,7 @@ def test_a_car_that_never_stops_fails(context, monkeypatch):
     assert (judged.outcome, "still driving" in judged.reason) == (Outcome.FAIL, True)
 
 
-def test_a_pressed_estop_fails_and_keeps_the_stop_from_being_tried(context, monkeypatch):
+def test_pressed_estop_fails_and_the_stop_test_is_not_run(context, monkeypatch):
     car_with(monkeypatch, lambda sim: sim.press_estop())
     assert result(context, "car.fault").outcome is Outcome.FAIL
     with pytest.raises(Unavailable, match="e-stop"):

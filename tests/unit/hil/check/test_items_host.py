@@ -15,7 +15,7 @@ from hil.viewer.view import free_port
 from tests.unit.hil.check.preflight import ITEMS, result, roomy
 
 
-def test_the_bus_is_tried_and_one_that_does_not_come_up_is_unknown(context, monkeypatch):
+def test_bus_item_passes_with_a_bus_and_is_unknown_without(context, monkeypatch):
     reading = checks()["host.bus"].function(context)
     assert isinstance(reading.value, float)
     assert 0.0 < reading.value < 50.0  # a busy machine may take its time; the preflight's limit is 5 ms
@@ -54,13 +54,13 @@ def test_a_recorder_that_loses_messages_fails(context, monkeypatch):
     assert (judged.outcome, "4999 of 5000" in judged.reason) == (Outcome.FAIL, True)
 
 
-def test_one_host_has_one_clock(context):
+def test_clock_item_passes_on_one_host(context):
     for check in ("host.clock", "host.date"):
         with pytest.raises(NotApplicable, match="--endpoint"):
             result(context, check)
 
 
-def test_the_clock_of_the_hubs_host_is_measured(context, monkeypatch):
+def test_clock_item_measures_the_clock_of_the_hub_host(context, monkeypatch):
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     there = replace(context, endpoint=endpoint, _kept={})
     with pytest.raises(Unavailable, match="no hub answers"):

@@ -34,8 +34,8 @@ class TestPolicy:
             model = h.make_model(graph, opset_imports=[h.make_opsetid("", 17)], ir_version=8)
             origin = Provenance(recipe="r", seed=1, samples=2)
             airframe = load_airframe("paper_quad")
-            said = Contract.of(airframe, name="p", stage="vision", provenance=origin).model_copy(update=changes)
-            h.set_model_props(model, {METADATA_KEY: said.model_dump_json()})
+            described = Contract.of(airframe, name="p", stage="vision", provenance=origin).model_copy(update=changes)
+            h.set_model_props(model, {METADATA_KEY: described.model_dump_json()})
             onnx.save(model, tmp_path / "p.onnx")
             return replace(make_context(tmp_path), policy=str(tmp_path / "p.onnx"))
 
@@ -48,13 +48,13 @@ class TestPolicy:
         judged = result(policy(airframe="crazyflie"), "policy.contract")
         assert (judged.outcome, "crazyflie" in judged.reason) == (Outcome.FAIL, True)
 
-    def test_the_hash_can_be_demanded(self, policy):
+    def test_policy_item_compares_the_required_hash(self, policy):
         context = policy()
         found = checks()["policy.hash"].function(context).value
         assert result(context, "policy.hash", sha256=found).outcome is Outcome.PASS
         assert result(context, "policy.hash", sha256="0" * 64).outcome is Outcome.FAIL
 
-    def test_a_missing_file_fails(self, tmp_path):
+    def test_policy_item_fails_on_a_missing_file(self, tmp_path):
         context = replace(make_context(tmp_path), policy=str(tmp_path / "gone.onnx"))
         assert result(context, "policy.contract").outcome is Outcome.FAIL
         assert result(context, "policy.hash").outcome is Outcome.FAIL

@@ -69,13 +69,13 @@ class _Silent(Px4Sim):
         pass
 
 
-class _Sick(Px4Sim):
+class _WithoutGps(Px4Sim):
     def __init__(self, *args, **more):
         super().__init__(*args, **more)
         self.set_gps(False)
 
 
-def test_a_silent_autopilot_is_unknown_and_says_so(context, monkeypatch):
+def test_silent_autopilot_is_unknown_with_the_reason(context, monkeypatch):
     monkeypatch.setattr(bench_vehicle, "Px4Sim", _Silent)
     for name in ("vehicle.heartbeat", "vehicle.battery", "vehicle.kill"):
         with pytest.raises(Unavailable, match=r"no working link|did not reach its hover"):
@@ -83,11 +83,11 @@ def test_a_silent_autopilot_is_unknown_and_says_so(context, monkeypatch):
 
 
 def test_an_autopilot_without_position_does_not_pass_its_own_checks(context, monkeypatch):
-    monkeypatch.setattr(bench_vehicle, "Px4Sim", _Sick)
+    monkeypatch.setattr(bench_vehicle, "Px4Sim", _WithoutGps)
     assert result(context, "vehicle.prearm").outcome is Outcome.FAIL
 
 
-def test_a_slow_or_old_motion_capture_fails(context):
+def test_slow_or_delayed_motion_capture_fails(context):
     assert result(with_slot(context, "mocap", rate_hz=20.0), "mocap.rate").outcome is Outcome.FAIL
     old = with_slot(context, "mocap", delay_ms=60.0)
     assert result(old, "mocap.age").outcome is Outcome.FAIL

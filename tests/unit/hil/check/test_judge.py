@@ -46,12 +46,12 @@ def test_non_finite_number_is_unknown(value):
     assert judge(Reading(value), BOTH).outcome is Outcome.UNKNOWN
 
 
-def test_nothing_measured_and_nothing_declared_is_unknown():
+def test_item_without_measurement_and_declared_value_is_unknown():
     assert judge(Reading(None, "cable?"), Limits()).reason == "cable?"
     assert judge(Reading(None), Limits()).outcome is Outcome.UNKNOWN
 
 
-def test_a_checks_own_verdict_wins_over_the_limits():
+def test_verdict_of_the_check_overrides_the_limits():
     judged = judge(Reading(5, "but wrong", ok=False), BOTH)
     assert (judged.outcome, judged.reason) == (Outcome.FAIL, "but wrong")
 

@@ -32,14 +32,14 @@ def test_every_outcome_fits_the_schema(record, tmp_path):
     validate((tmp_path / "j.xml").read_text())
 
 
-def test_the_whole_preflight_fits_the_schema_before_anything_is_known():
+def test_preflight_without_results_fits_the_junit_schema():
     text = junit(record_of(load_checklist("preflight")))
     validate(text)
     top = ET.fromstring(text)
     assert top.get("tests") == top.get("errors")
 
 
-def test_outcomes_become_what_a_build_server_understands(record):
+def test_outcomes_map_to_junit_elements(record):
     top = ET.fromstring(junit(record))
     kinds = {c.get("name"): [e.tag for e in c if e.tag != "system-out"] for c in top.iter("testcase")}
     got = {outcome.value: kinds[f"manual.{name}"] for name, outcome in zip("abcdef", Outcome, strict=True)}

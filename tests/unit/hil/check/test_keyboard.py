@@ -1,4 +1,4 @@
-"""What is typed ahead of a question answers nothing, be it a key or a line."""
+"""Keys and lines typed before a question do not answer it."""
 
 import array
 import fcntl
@@ -36,7 +36,7 @@ def typed(typist: int, program: int, text: str) -> None:
     assert select.select([program], [], [], 10)[0]
 
 
-def test_a_line_typed_ahead_is_not_the_answer(terminal, capsys):
+def test_line_typed_before_the_question_is_discarded(terminal, capsys):
     typist, program = terminal
     answers: list[str] = []
     with os.fdopen(os.dup(program), "r") as stream:
@@ -50,7 +50,7 @@ def test_a_line_typed_ahead_is_not_the_answer(terminal, capsys):
     assert answers == ["a loose screw"]
 
 
-def test_a_key_typed_ahead_is_not_the_answer(terminal):
+def test_key_typed_before_the_question_is_discarded(terminal):
     typist, program = terminal
     with os.fdopen(os.dup(program), "r") as stream:
         typed(typist, program, "p\n")
@@ -61,7 +61,7 @@ def test_a_key_typed_ahead_is_not_the_answer(terminal):
 
 
 @pytest.mark.parametrize("pressed", ["\x1b[A", "ppp", "x"])
-def test_arrow_keys_pasted_text_and_other_keys_are_no_answer(terminal, pressed):
+def test_arrow_keys_and_pasted_text_are_ignored(terminal, pressed):
     typist, program = terminal
     shown: list[bool] = []
 

@@ -20,7 +20,7 @@ def record(tmp_path):
     return record
 
 
-def test_a_record_reads_back_as_it_was_written(record, tmp_path):
+def test_record_round_trips_through_its_file(record, tmp_path):
     record.sign("Ann", NOW)
     records.write(tmp_path / "deep" / "r.json", record)
     again = records.read(tmp_path / "deep" / "r.json")
@@ -29,7 +29,7 @@ def test_a_record_reads_back_as_it_was_written(record, tmp_path):
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["r.json"]
 
 
-def test_incomplete_until_signed(record, tmp_path):
+def test_record_is_incomplete_until_signed(record, tmp_path):
     assert json.loads((tmp_path / "record.json").read_text())["state"] == "incomplete"
     record.sign(" Ann ", NOW)
     assert record.as_dict()["state"] == "sealed"
@@ -73,7 +73,7 @@ def test_verdict_in_the_file_follows_the_items(record):
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "{", '{"format": 1}', '{"format": 9}', "\0"])
-def test_file_that_is_no_record_is_named(tmp_path, text):
+def test_error_names_a_file_that_is_not_a_record(tmp_path, text):
     path = tmp_path / "r.json"
     path.write_text(text)
     with pytest.raises(RecordError, match=r"r\.json"):

@@ -43,7 +43,7 @@ def test_field_of_a_wrong_type_is_a_record_error(table, tmp_path, change):
     assert [p.name for p, _ in records.find(tmp_path, lambda r: True)] == ["good.json"]
 
 
-def test_pipe_folder_binary_deep_and_large_files_are_record_errors(table, tmp_path, monkeypatch):
+def test_unreadable_record_files_raise_record_errors(table, tmp_path, monkeypatch):
     monkeypatch.setattr(records, "_LARGEST", 1 << 20)
     os.mkfifo(tmp_path / "pipe.json")
     (tmp_path / "folder.json").mkdir()

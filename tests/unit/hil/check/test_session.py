@@ -93,7 +93,7 @@ def test_without_a_terminal_manual_items_are_unknown_and_the_result_incomplete(t
     assert record.exit_code() == INCOMPLETE
 
 
-def test_a_group_stays_closed_until_the_one_before_passed_and_its_items_are_all_tried(tmp_path):
+def test_group_stays_closed_until_the_previous_group_passed(tmp_path):
     made = checklist([{"ask": "A"}, {"ask": "B"}], [{"ask": "C"}])
     record = record_of(made)
     interface = run_session(made, record, tmp_path, Operator({"A": [FAIL]}))
@@ -112,7 +112,7 @@ def test_retry_asks_only_failed_items_and_keeps_their_history(tmp_path):
     assert "FAIL by Ann: cracked" in before
 
 
-def test_trying_again_reads_the_device_again(tmp_path):
+def test_repeated_item_reads_the_device_again(tmp_path):
     values = iter([5.0, 1.0])
     made = checklist([{"check": "test.it", "max": 2}])
     with registered("test.it", lambda context: Reading(next(values))):
@@ -122,7 +122,7 @@ def test_trying_again_reads_the_device_again(tmp_path):
     assert "FAIL" in record.entries[0].history[0]
 
 
-def test_back_asks_the_question_before_once_more(tmp_path):
+def test_back_repeats_the_previous_question(tmp_path):
     made = checklist([{"ask": "A"}, {"check": "test.it"}, {"ask": "B"}])
     with registered("test.it", lambda context: Reading(1)):
         record = record_of(made)
@@ -132,7 +132,7 @@ def test_back_asks_the_question_before_once_more(tmp_path):
     assert "PASS by Ann" in record.entries[0].history[0]
 
 
-def test_back_at_the_first_question_asks_it_again(tmp_path):
+def test_back_at_the_first_question_repeats_it(tmp_path):
     made = checklist([{"ask": "A"}])
     record = record_of(made)
     assert run_session(made, record, tmp_path, Operator({"A": [BACK, BACK, PASS]})).asked == ["A", "A", "A"]
@@ -159,7 +159,7 @@ def test_interrupted_record_can_be_resumed(end, at, tmp_path):
     assert saved.exit_code() == GO
 
 
-def test_resuming_asks_again_what_failed_or_was_unknown(tmp_path):
+def test_resuming_repeats_failed_and_unknown_items(tmp_path):
     made = checklist([{"ask": "A"}, {"ask": "B"}])
     record = record_of(made)
     run_session(made, record, tmp_path, Operator({"A": [FAIL]}))

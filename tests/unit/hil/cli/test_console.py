@@ -54,7 +54,7 @@ def lines(text, start):
     return next(line.split() for line in text.splitlines() if line.strip().startswith(start))
 
 
-def test_a_run_stands_beside_the_published_row():
+def test_run_table_shows_the_published_row():
     text = shown(run_table(score(), load("hard-i"), real_time_factor=2.345))
     assert lines(text, "platform speed")[-2:] == ["1.02-2.61", "0.70-2.70"]
     assert lines(text, "terminal error, planar")[-3:] == ["0.050", "0.03", "0.20"]
@@ -67,13 +67,13 @@ def test_a_run_stands_beside_the_published_row():
     assert "2.35 times real time" in text or "2.34 times real time" in text
 
 
-def test_attached_and_within_tolerance_are_apart_also_for_the_paper():
+def test_attached_and_within_tolerance_are_separate_rows_for_run_and_paper():
     text = shown(run_table(score(within=False), load("normal-i"), real_time_factor=None))
     assert lines(text, "attached")[-2:] == ["yes", "yes"]
     assert lines(text, "within tolerance")[-2:] == ["no", "no"]
 
 
-def test_what_did_not_happen_is_a_dash():
+def test_missing_value_is_shown_as_a_dash():
     text = shown(run_table(crash(), load("hard-i"), real_time_factor=None))
     assert lines(text, "terminal error x")[-2:] == ["-", "-0.02"]
     assert "why: ground" in text
@@ -85,7 +85,7 @@ def test_every_row_is_a_metric_and_the_papers_columns_are_all_there():
     assert set(RealRow.model_fields) - {"flights"} <= set(fields)
 
 
-def test_json_row_has_the_promised_fields():
+def test_json_row_has_the_documented_fields():
     spec = load("hard-i")
     row = json_row(
         score(), published_row(spec), policy="planner", camera="pictures", real_time_factor=1.2, run_dir="runs/x"
@@ -122,12 +122,12 @@ def test_seeds_give_counts_with_their_exact_interval():
     assert lines(text, "19")[1:3] == ["missed", "-"]
 
 
-def test_rates():
+def test_rate_text_has_counts_and_interval():
     assert rate_text(18, 20) == "18 of 20 (68-99 %)"
     assert rate_text(0, 0) == "no runs"
 
 
-def test_scenarios_are_listed_with_what_happens():
+def test_scenario_list_describes_each_scenario():
     text = shown(scenarios_table([load(name) for name in list_scenarios()]))
     assert all(name in text for name in list_scenarios())
     assert "spline then arc" in text
@@ -140,7 +140,7 @@ def test_a_users_scenario_without_a_published_row():
     assert lines(text, "attached")[-1] == "yes"
 
 
-def test_a_simulated_row_may_be_compared_with():
+def test_published_simulation_row_can_be_compared():
     spec = load("hard-i").model_copy(update={"published": "vision.t3"})
     text = shown(run_table(score(), spec, real_time_factor=1.0))
     assert lines(text, "inclination")[-1] == "60.00"

@@ -21,7 +21,7 @@ def test_seeds_are_one_or_a_range_with_both_ends():
 
 
 @pytest.mark.parametrize("text", ["", "3", "3..", "..5", "5..3", "a..b", "-1..2", "0..4294967296", "1...3"])
-def test_a_bad_range_of_seeds_says_what_is_wrong(text):
+def test_error_of_an_invalid_seed_range_names_the_fault(text):
     with pytest.raises(ValueError, match="seeds"):
         parse_seeds(None, text)
 
@@ -32,7 +32,7 @@ def test_seed_and_seeds_together_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (["hard-1"], 'did you mean "hard-i"'),
         (["hard-i", "--rig", "simm"], 'did you mean "sim"'),
@@ -42,16 +42,16 @@ def test_seed_and_seeds_together_are_refused():
         (["no/such/file.toml"], "cannot be read"),
     ],
 )
-def test_a_users_mistake_is_one_line_exit_2_and_leaves_nothing(tmp_path, capsys, arguments, says):
+def test_usage_error_is_one_line_exit_2_and_leaves_no_run(tmp_path, capsys, arguments, message):
     result = runner.invoke(app, ["run", *arguments, "--out", str(tmp_path / "runs")])
     assert result.exit_code == 2
     lines = result.output.strip().splitlines()
     assert len(lines) == 1
-    assert says in lines[0]
+    assert message in lines[0]
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_typo_in_a_scenario_names_file_key_and_what_is_allowed(tmp_path):
+def test_scenario_error_names_file_key_and_allowed_values(tmp_path):
     from scenarios.spec import FOLDER
 
     broken = tmp_path / "mine.toml"
@@ -70,7 +70,7 @@ def test_scenarios_are_listed_as_table_and_as_json():
     assert [s["name"] for s in listed] == list_scenarios()
 
 
-def test_diff_of_what_is_no_run_is_one_line(tmp_path):
+def test_diff_of_a_folder_without_a_run_is_a_one_line_error(tmp_path):
     result = runner.invoke(app, ["diff", str(tmp_path), str(tmp_path)])
     assert result.exit_code == 2
     assert "no run folder" in result.output
@@ -108,7 +108,7 @@ def test_a_grouped_command_and_its_flat_name_are_one_function(group, command):
     assert usage[0] == usage[1]
 
 
-def test_runs_lists_where_no_command_is_named(tmp_path):
+def test_runs_without_a_subcommand_lists_runs(tmp_path):
     for words in (["runs", str(tmp_path)], ["runs", "list", str(tmp_path)]):
         assert call(*words).stdout == f"0 runs in {tmp_path}\n"
     assert call("runs", "--verdict", "lucky").exit_code == 2
@@ -119,11 +119,11 @@ def test_runs_lists_where_no_command_is_named(tmp_path):
     "words", [[], ["run"], ["campaign"], ["check"], ["bus", "node"], ["runs", "replay"], ["policy", "evaluate"]]
 )
 def test_help_names_every_policy_that_can_fly(words):
-    said = "".join(call(*words, "--help").stdout.split())  # help texts are broken at spaces and hyphens
-    assert ",".join(FLYABLE) in said and "PATH.onnx" in said
+    reported = "".join(call(*words, "--help").stdout.split())  # help texts are broken at spaces and hyphens
+    assert ",".join(FLYABLE) in reported and "PATH.onnx" in reported
 
 
-def test_commands_are_told_whole_at_80_columns():
+def test_command_help_is_not_truncated_at_80_columns():
     for words in ([], ["runs"], ["bus"], ["policy"], ["rig"]):
         listed = call(*words, "--help").stdout.partition("Commands:")[2]
         assert listed and "..." not in listed and max(map(len, listed.splitlines())) <= 80
@@ -132,7 +132,7 @@ def test_commands_are_told_whole_at_80_columns():
 OPTIONS = {"--json": "print JSON on stdout", "--endpoint": "address of", "--records": "folder of the signed"}
 
 
-def test_an_option_means_the_same_in_every_command():
+def test_option_has_the_same_help_in_every_command():
     found = {name: set() for name in OPTIONS}
     for command in commands(get_command(app)):
         for option in command.params:
@@ -152,7 +152,7 @@ def commands(command):
 
 
 @pytest.mark.parametrize("words", [["scenarios"], ["rig", "list"], ["rig", "check", "sim"], ["check", "--names"]])
-def test_json_is_one_value_and_nothing_else_on_stdout(words):
+def test_json_output_is_one_value_on_stdout(words):
     result = call(*words, "--json")
     assert result.exit_code == 0
     assert json.loads(result.stdout)

@@ -42,7 +42,7 @@ def shown(*what) -> list[str]:
     return console.export_text().splitlines()
 
 
-def test_a_live_summary_has_one_line_a_node_of_at_most_80_columns():
+def test_live_summary_has_one_line_per_node_of_at_most_80_columns():
     lines = timing_lines(SUMMARY)
     assert max(map(len, lines)) <= 80
     for service, nodes in NODES.items():
@@ -51,23 +51,23 @@ def test_a_live_summary_has_one_line_a_node_of_at_most_80_columns():
             assert line.split()[2:] == ["123456", "12345", "12345", "123.5", "1234"]
 
 
-def test_a_live_summary_is_not_broken_on_its_way_through_a_pipe(capsys):
+def test_live_summary_lines_are_not_wrapped_in_a_pipe(capsys):
     say("\n".join(timing_lines(SUMMARY)))
     assert capsys.readouterr().out.splitlines() == timing_lines(SUMMARY)
 
 
-def test_a_long_line_reaches_a_pipe_whole(capsys):
+def test_long_line_is_not_wrapped_in_a_pipe(capsys):
     say("run folder: " + 40 * "long/")
     assert capsys.readouterr().out == "run folder: " + 40 * "long/" + "\n"
     assert screen().width == PIPE_WIDTH
 
 
-def test_json_has_null_for_what_is_not_finite(capsys):
+def test_json_has_null_for_non_finite_values(capsys):
     print_json({"a": float("nan"), "b": [1.5, float("inf")], "c": (True, None)})
     assert capsys.readouterr().out == '{"a": null, "b": [1.5, null], "c": [true, null]}\n'
 
 
-def test_a_table_of_seeds_has_one_line_a_seed():
+def test_seed_table_has_one_line_per_seed():
     scores = [score(seed, within=False, reasons=("distance", "tangential_speed")) for seed in (999_998, 3)]
     lines = shown(seeds_table(load("hard-i"), [*scores, crash(4)]))
     assert max(map(len, lines)) <= 80
@@ -77,19 +77,19 @@ def test_a_table_of_seeds_has_one_line_a_seed():
 
 
 @pytest.mark.parametrize("name", list_scenarios())
-def test_a_run_and_the_scenarios_fit(name):
+def test_run_and_scenario_tables_fit_80_columns(name):
     assert max(map(len, shown(run_table(score(scenario=name), load(name), real_time_factor=1.0)))) <= 80
     assert max(map(len, shown(scenarios_table([load(name)])))) <= 80
 
 
-def test_a_campaign_has_one_line_a_group():
+def test_campaign_table_has_one_line_per_group():
     group = {"scenario": "normal-ii", "policy": "planner-analytic", "camera": "pictures", "runs": 100}
     lines = shown(_table([{**group, "within_tolerance": 99, "attached": 100}]))
     (line,) = [line for line in lines if "normal-ii" in line]
     assert "planner-analytic" in line and "99 of 100 (95-100 %)" in line and "100 of 100" in line
 
 
-def test_an_evaluation_has_one_line_a_point_and_tells_why_flights_failed():
+def test_evaluation_has_one_line_per_point_and_lists_failure_causes():
     causes = {"time_limit": 12, "tangential_speed": 3}
     numbers = (2000, 1985, 99.25, 99.9, 1.72, 0.052, 0.061, 0.214, 0.56, 0.31, 0.84, 1.0, 92.0, 0.9)
     rows = [Row(name, *numbers, causes) for name in ("T1", "T3, motors x1.6 slower", "racetrack 3.5 m/s 60 deg")]
@@ -104,7 +104,7 @@ def test_an_evaluation_has_one_line_a_point_and_tells_why_flights_failed():
     )
 
 
-def test_a_status_has_one_line_a_topic():
+def test_status_has_one_line_per_topic():
     service = {"state": "running", "pid": 1234567, "nodes": dict.fromkeys(NODES["brain"], PACE)}
     lines = shown(*status_tables(Status({"brain": service}, dict.fromkeys(TOPICS, (100.0, 5.0)))))
     assert max(map(len, lines)) <= 80

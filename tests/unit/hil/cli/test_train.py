@@ -40,24 +40,24 @@ def one_line(result, code=2):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (["plannr"], "did you mean 'planner'"),
         (["nowhere.onnx"], "does not exist"),
         ([STATE, "--heatmap", "map.xls"], "ends in .svg"),
     ],
 )
-def test_what_cannot_be_evaluated_is_one_line(arguments, says):
-    assert says in one_line(runner.invoke(app, ["evaluate", *arguments]))
+def test_evaluation_error_is_one_line(arguments, message):
+    assert message in one_line(runner.invoke(app, ["evaluate", *arguments]))
 
 
-def test_a_damaged_policy_is_one_line(tmp_path):
+def test_damaged_policy_error_is_one_line(tmp_path):
     broken = tmp_path / "broken.onnx"
     broken.write_bytes(b"no model")
     assert "not a readable ONNX model" in one_line(runner.invoke(app, ["evaluate", str(broken)]))
 
 
-def test_evaluate_as_table_says_under_what_conditions():
+def test_evaluation_table_names_its_conditions():
     result = runner.invoke(app, ["evaluate", "planner-analytic", "--episodes", "10", "--time-limit", "1"])
     assert result.exit_code == 0, result.output
     head = result.output.splitlines()[0]
@@ -93,7 +93,7 @@ def test_evaluate_as_json_and_map(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (["--recipe", "vison"], "did you mean 'vision'"),
         (["--set", "network.widht=3"], "did you mean 'width'"),
@@ -104,15 +104,15 @@ def test_evaluate_as_json_and_map(tmp_path):
         (["--resume"], "does not exist"),
     ],
 )
-def test_what_cannot_be_trained_is_one_line_and_leaves_nothing(tmp_path, tiny, arguments, says):
+def test_training_error_is_one_line_and_leaves_no_folder(tmp_path, tiny, arguments, message):
     result = runner.invoke(app, ["train", "--recipe", tiny, "--out", str(tmp_path / "run"), *arguments])
     assert result.exit_code == 2
-    said = [line for line in result.output.splitlines() if line.startswith("perch-hil: ")]
-    assert len(said) == 1 and says in said[0] and "Traceback" not in result.output
+    reported = [line for line in result.output.splitlines() if line.startswith("perch-hil: ")]
+    assert len(reported) == 1 and message in reported[0] and "Traceback" not in result.output
     assert not list((tmp_path / "run").glob("*.pt"))
 
 
-def test_train_to_the_end_then_not_over_it(tmp_path, tiny):
+def test_finished_training_is_not_overwritten(tmp_path, tiny):
     asked = ["train", "--recipe", tiny, "--out", str(tmp_path / "run")]
     result = runner.invoke(app, asked)
     assert result.exit_code == 0, result.output
@@ -121,7 +121,7 @@ def test_train_to_the_end_then_not_over_it(tmp_path, tiny):
     assert "--resume" in one_line(runner.invoke(app, asked))
 
 
-def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path, tiny, monkeypatch):
+def test_ctrl_c_saves_a_checkpoint_and_prints_the_resume_command(tmp_path, tiny, monkeypatch):
     from hil.cli import training
 
     plain = training._Display.__call__
@@ -145,18 +145,18 @@ def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path, tiny, monkeypatch):
     assert (out / "curve.csv").read_text().splitlines()[-1].startswith("512,")
 
 
-def test_numbers_that_are_not_finite_end_with_3(tmp_path, tiny, monkeypatch):
+def test_non_finite_training_exits_with_3(tmp_path, tiny, monkeypatch):
     from policies.training.learners.dagger import Dagger
 
     def diverged(self):
         raise ValueError("an action is not finite; the policy has diverged")
 
-    def spoil(self):
+    def write_infinity(self):
         with torch.no_grad():
             self.actor.head.bias[0] = float("inf")
         return diverged(self)
 
-    monkeypatch.setattr(Dagger, "step", spoil)
+    monkeypatch.setattr(Dagger, "step", write_infinity)
     result = runner.invoke(app, ["train", "--recipe", tiny, "--out", str(tmp_path / "run")])
     assert result.exit_code == 3
     assert "weights actor.head.bias" in result.output and "Traceback" not in result.output

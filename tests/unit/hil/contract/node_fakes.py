@@ -4,7 +4,7 @@ from hil.contract.node import Inbox, Node, Out
 
 
 class FakeNode(Node):
-    """Declared by keyword; notes when it steps and what it saw; `act(now_ns, inbox)` says what it publishes."""
+    """Declared by keyword; notes when it steps and what it saw; `act(now_ns, inbox)` returns what it publishes."""
 
     def __init__(self, name, inputs=(), outputs=(), wakes=(), period_ns=0, act=None):
         self.name, self.inputs, self.outputs, self.wakes, self.period_ns = name, inputs, outputs, wakes, period_ns

@@ -66,7 +66,7 @@ def test_round_trip_keeps_every_bit(message):
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -0.0, 5e-324])
-def test_unusual_floats_survive(value):
+def test_unusual_floats_round_trip(value):
     message = messages.CarCommand(0, value, 1.0)
     assert struct.pack("<d", decode(messages.CarCommand, encode(message)).speed) == struct.pack("<d", value)
 
@@ -92,14 +92,14 @@ class New:
     ids: tuple[int, ...]
 
 
-def test_an_appended_field_breaks_neither_side():
+def test_appended_field_keeps_old_and_new_readers_working():
     data = encode(New(1, (1.0, 2.0, 3.0), 0.5, "hello", (4.0, 5.0), (6, 7)))
     assert decode(Old, data) == Old(1, (1.0, 2.0, 3.0))
     old = encode(Old(1, (1.0, 2.0, 3.0)))
     assert decode(New, old) == New(1, (1.0, 2.0, 3.0), 0.0, "", (0.0, 0.0), ())
 
 
-def test_the_schema_alone_is_enough_to_read():
+def test_message_can_be_read_with_its_schema_only():
     kind = codec(messages.Detection)
     files = descriptor_pb2.FileDescriptorSet.FromString(kind.schema)
     pool = descriptor_pool.DescriptorPool()
@@ -135,7 +135,7 @@ def test_random_bytes_decode_or_are_refused(data):
         assert "perch.VehicleState" in str(error)
 
 
-def test_a_type_without_wire_form_is_refused_at_once():
+def test_type_without_an_encoding_is_refused_on_definition():
     @dataclass
     class Bad:
         where: dict

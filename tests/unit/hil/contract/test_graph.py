@@ -17,21 +17,21 @@ def test_the_contract_has_topics_with_the_cars_truth():
 
 @pytest.mark.parametrize("topic", CAR_TRUTH)
 @pytest.mark.parametrize("node", [PolicyNode, BeliefNode, Detector])
-def test_policy_belief_and_detector_may_not_read_where_the_car_is(node, topic):
+def test_policy_belief_and_detector_may_not_read_the_truth_of_the_car(node, topic):
     spy = FakeNode(node.name, inputs=(*node.inputs, topic))
     with pytest.raises(GraphError, match=f"'{node.name}' may not read '{topic}'"):
         check_graph([ALL, spy])
 
 
 @pytest.mark.parametrize("node", [PolicyNode, BeliefNode, Detector])
-def test_policy_belief_and_detector_read_only_what_they_may(node):
+def test_policy_belief_and_detector_read_only_their_allowed_topics(node):
     check_graph([ALL, FakeNode(node.name, inputs=node.inputs, wakes=node.wakes)])
 
 
 @pytest.mark.parametrize("topic", TOPICS)
 def test_only_the_readers_of_the_table_may_read_a_topic(topic):
     readers = TOPICS[topic].readers
-    for reader in {"policy", "referee", "vehicle_link", "car_follower", "somebody new"}:
+    for reader in {"policy", "referee", "vehicle_link", "car_follower", "another node"}:
         graph = [ALL, FakeNode(reader, inputs=(topic,))]
         if reader in readers or readers == EVERYONE:
             check_graph(graph)
@@ -40,7 +40,7 @@ def test_only_the_readers_of_the_table_may_read_a_topic(topic):
                 check_graph(graph)
 
 
-def test_a_name_that_resembles_a_readers_may_not_read():
+def test_node_with_a_name_similar_to_a_reader_may_not_read():
     """A node cannot get at the truth by a name that only looks like a reader's."""
     for name in ("camera ", "Camera", "camera/policy", "", "*"):
         assert not may_read(name, "truth/board")
@@ -66,5 +66,5 @@ def test_a_graph_that_cannot_run_is_refused_with_its_reason(nodes, words):
         check_graph(nodes)
 
 
-def test_many_may_publish_events():
+def test_several_nodes_may_publish_events():
     check_graph([FakeNode("a", outputs=("event",)), FakeNode("b", outputs=("event",))])

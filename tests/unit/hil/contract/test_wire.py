@@ -12,29 +12,29 @@ class Time:
         return self.now
 
 
-def test_what_one_end_sends_the_other_receives_once():
+def test_wire_delivers_each_item_once_to_the_other_end():
     a, b = memory_pair(Time())
     a.send(b"one")
     a.send(b"two")
-    assert a.receive() == [], "an end does not hear itself"
+    assert a.receive() == [], "an end does not receive its own items"
     assert b.receive() == [b"one", b"two"]
     assert b.receive() == []
 
 
-def test_both_directions_are_apart():
+def test_directions_of_a_wire_are_independent():
     a, b = memory_pair(Time())
     a.send(b"to b")
     b.send(b"to a")
     assert (a.receive(), b.receive()) == ([b"to a"], [b"to b"])
 
 
-def test_it_carries_can_frames_as_they_are():
+def test_wire_carries_can_frames_unchanged():
     a, b = memory_pair(Time())
     a.send(CanFrame(0x111, b"\x00\x96"))
     assert b.receive() == [CanFrame(0x111, b"\x00\x96")]
 
 
-def test_nothing_arrives_before_its_delay():
+def test_item_does_not_arrive_before_its_delay():
     clock = Time()
     a, b = memory_pair(clock, 1_000_000)
     a.send(b"x")
@@ -44,7 +44,7 @@ def test_nothing_arrives_before_its_delay():
     assert b.receive() == [b"x"]
 
 
-def test_a_closed_end_has_nothing_more():
+def test_closed_wire_end_receives_nothing():
     a, b = memory_pair(Time())
     a.send(b"x")
     b.close()
@@ -52,7 +52,7 @@ def test_a_closed_end_has_nothing_more():
 
 
 @given(st.lists(st.tuples(st.integers(0, 50), st.booleans()), max_size=60), st.integers(0, 40))
-def test_everything_arrives_once_in_order_and_never_early(script, delay):
+def test_items_arrive_once_in_order_and_not_before_their_delay(script, delay):
     """Any schedule of sends and looks: each item comes out once, in order, at its time or at the first look after."""
     clock = Time()
     a, b = memory_pair(clock, delay)

@@ -41,20 +41,20 @@ def test_a_delayed_message_arrives_after_its_delay_even_between_ticks():
     assert reader.steps == [(7, {"t": [("p", 0)]}), (17, {"t": [("p", 10)]})]
 
 
-def test_a_delayed_message_is_there_when_a_later_node_steps_at_that_instant():
+def test_delayed_message_is_available_to_a_later_node_at_the_same_instant():
     reader = FakeNode("reader", inputs=("t",), period_ns=10)
     run([publisher("p", "t", 50, delay_ns=10), reader], 10)
     assert reader.steps == [(0, {}), (10, {"t": [("p", 0)]})]
 
 
-def test_shorter_delays_overtake():
+def test_message_with_a_shorter_delay_arrives_first():
     delays = iter([30, 5, 1])
     sender = FakeNode("s", outputs=("t",), period_ns=10, act=lambda now, _: [Out("t", now, next(delays, 100))])
     seen, _ = run([sender, FakeNode("r", inputs=("t",))], 40)
     assert [(now, message) for now, _, message in seen] == [(15, 10), (21, 20), (30, 0)]
 
 
-def test_wakes_step_at_once_in_the_graphs_order_and_see_the_message():
+def test_woken_nodes_step_at_once_in_graph_order_with_the_message():
     a = FakeNode("a", inputs=("t",), wakes=("t",))
     b = FakeNode("b", inputs=("t",), wakes=("t",))
     order = []
@@ -73,7 +73,7 @@ def test_a_chain_of_wakes_ends_within_the_instant():
     assert [now for now, _ in end.steps] == [0, 10]
 
 
-def test_new_is_cleared_by_a_step_and_latest_stays():
+def test_step_clears_new_messages_and_keeps_the_latest():
     latest = []
     reader = FakeNode("r", ("t",), period_ns=10, act=lambda now, inbox: latest.append(inbox.latest("t")) or [])
     run([publisher("p", "t", 30), reader], 30)
@@ -99,7 +99,7 @@ def test_nodes_read_the_hosts_clock():
     assert all(read)
 
 
-def test_without_periods_nothing_happens_and_the_run_ends():
+def test_run_without_periodic_nodes_ends_without_steps():
     assert run([FakeNode("n", ("t",), wakes=("t",))]) == ([], 0)
 
 
@@ -113,7 +113,7 @@ def test_a_nodes_exception_is_not_swallowed():
 
 @settings(max_examples=40)
 @given(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 60), st.booleans()), min_size=1, max_size=5))
-def test_any_graph_runs_twice_the_same_with_time_rising_and_delays_kept(spec):
+def test_any_graph_is_reproducible_with_monotonic_time_and_kept_delays(spec):
     def graph():
         nodes = [publisher(f"p{i}", f"t{i}", period, delay) for i, (period, delay, _) in enumerate(spec)]
         for i, (_, _, wakes) in enumerate(spec):

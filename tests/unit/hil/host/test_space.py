@@ -9,7 +9,7 @@ from hil.recording.runs import RunError
 
 
 @pytest.mark.parametrize(("pictures", "enough_mb"), [("none", 200), ("preview", 400), ("all", 800), ("raw", 1600)])
-def test_a_run_is_refused_only_where_too_little_is_free(tmp_path, monkeypatch, pictures, enough_mb):
+def test_run_is_refused_when_free_disk_space_is_too_small(tmp_path, monkeypatch, pictures, enough_mb):
     free = {"free": enough_mb * 10**6}
     monkeypatch.setattr(space.shutil, "disk_usage", lambda _: SimpleNamespace(**free))
     space.check_space(tmp_path / "not" / "made", pictures)

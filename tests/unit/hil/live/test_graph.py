@@ -1,4 +1,4 @@
-"""A live run's nodes live in many processes; their graph is checked all the same, from what each says of itself."""
+"""The graph of a live run is checked across its processes, from the description that each service publishes."""
 
 import json
 
@@ -10,7 +10,6 @@ from tests.unit.hil.contract.node_fakes import FakeNode
 
 SEES = FakeNode("detector", inputs=("camera/image",), outputs=("board/detection",), wakes=("camera/image",))
 LOOKS = FakeNode("camera", outputs=("camera/image",), period_ns=16_666_667)
-SPIES, TELLS = FakeNode("policy", inputs=("mocap/board",)), FakeNode("mocap", outputs=("mocap/board",))
 BELIEVES = FakeNode("belief", inputs=("board/detection",), outputs=("belief",))
 
 
@@ -18,9 +17,9 @@ def health(**services):
     return {name: json.loads(json.dumps({"graph": declare(nodes)})) for name, nodes in services.items()}
 
 
-def test_a_graph_that_fits_over_its_processes_passes():
-    said = health(camera=[LOOKS], detector=[SEES], brain=[BELIEVES])
-    check_live_graph(said, ["camera", "detector", "brain"])
+def test_valid_graph_across_services_passes():
+    described = health(camera=[LOOKS], detector=[SEES], brain=[BELIEVES])
+    check_live_graph(described, ["camera", "detector", "brain"])
 
 
 @pytest.mark.parametrize(
@@ -37,11 +36,11 @@ def test_a_graph_that_fits_over_its_processes_passes():
         ),
     ],
 )
-def test_one_that_does_not_fit_is_refused(services, words):
+def test_invalid_graph_across_services_is_refused(services, words):
     with pytest.raises(GraphError, match=words):
         check_live_graph(health(**services), list(services))
 
 
-def test_a_service_outside_the_run_is_not_checked():
-    said = health(camera=[LOOKS], stranger=[LOOKS])
-    check_live_graph(said | {"recorder": {}}, ["recorder", "camera"])
+def test_graph_check_ignores_services_outside_the_run():
+    described = health(camera=[LOOKS], stranger=[LOOKS])
+    check_live_graph(described | {"recorder": {}}, ["recorder", "camera"])

@@ -1,4 +1,4 @@
-"""Latency from a recording: the first action behind each picture counts, and where its time went."""
+"""Latency from a recording: from each picture to the first action after it, and its parts."""
 
 from hil.contract import messages as m
 from hil.live.latency import Latency, bars, latencies, summary, table
@@ -19,7 +19,7 @@ def detection(at_ms, exposure_ms):
     return at_ms * MS, "board/detection", seen
 
 
-def test_the_first_action_behind_each_picture_counts():
+def test_latency_is_counted_to_the_first_action_after_each_picture():
     found = latencies([
         action(15, 0), detection(22, 0 + 1), action(25, 1), action(35, 1), (36 * MS, "run/stage", None),
         detection(40, 18), action(45, 18), action(55, 18),
@@ -27,17 +27,17 @@ def test_the_first_action_behind_each_picture_counts():
     assert found == [Latency(21 * MS, 24 * MS), Latency(22 * MS, 27 * MS)]
 
 
-def test_an_action_without_a_picture_is_no_latency():
+def test_action_without_a_picture_has_no_latency():
     assert latencies([action(15, 0), action(25, 0)]) == []
 
 
-def test_the_first_action_and_the_first_after_a_pause_waited_for_something_else():
+def test_first_actions_of_the_run_and_after_a_pause_have_no_latency():
     assert latencies([detection(22, 1), action(30, 1)]) == []
     found = latencies([action(15, 0), action(25, 1), detection(88, 68), action(97, 68), action(107, 84)])
     assert found == [Latency(0, 24 * MS), Latency(0, 23 * MS)]
 
 
-def test_the_parts_add_up():
+def test_latency_table_has_percentiles_of_both_parts():
     made = table([Latency(20 * MS, 24 * MS), Latency(20 * MS, 28 * MS), Latency(0, 60 * MS)])
     assert made["count"] == 3
     assert made["max_ms"] == 60.0
@@ -45,12 +45,12 @@ def test_the_parts_add_up():
     assert made["then_to_action"]["p50_ms"] == 8.0
 
 
-def test_nothing_seen_is_told_as_nothing():
+def test_latency_table_without_pictures_has_zero_counts():
     assert table([])["count"] == 0
     assert table([])["to_detection"] == {"count": 0}
 
 
-def test_the_histogram_counts_everything():
+def test_latency_histogram_counts_every_value():
     made = summary([21 * MS, 24 * MS, 26 * MS, 61 * MS])
     assert made["histogram_ms"] == {"20": 2, "25": 1, "60": 1}
     assert [line.split()[-1] for line in bars(made)] == ["2", "1", "1"]

@@ -11,7 +11,7 @@ class World:
         return Presence(clock=lambda: self.now_ns, parent=lambda: self.parent, **more)
 
 
-def test_a_supervisor_whose_orders_arrive_is_alive():
+def test_supervisor_is_alive_while_its_orders_arrive():
     world = World()
     presence = world.presence()
     for _ in range(10):
@@ -30,14 +30,14 @@ def test_missing_orders_are_reported_with_their_duration():
     assert presence.gone() == ""
 
 
-def test_a_supervisor_before_its_first_order_is_not_missed():
+def test_supervisor_is_not_reported_missing_before_its_first_order():
     world = World()
     presence = world.presence()
     world.now_ns += 100 * RECEIVED_WITHIN_NS
     assert presence.gone() == ""
 
 
-def test_a_dead_parent_counts_unless_the_service_is_remote():
+def test_dead_parent_process_is_reported_unless_the_service_is_remote():
     world = World()
     own, by_hand = world.presence(), world.presence(remote=True)
     world.parent = 1
@@ -45,7 +45,7 @@ def test_a_dead_parent_counts_unless_the_service_is_remote():
     assert by_hand.gone() == ""
 
 
-def test_a_process_knows_what_it_takes():
+def test_footprint_reports_memory_and_cpu_time_of_the_process():
     found = footprint()
     assert found["rss_kb"] > 1000
     assert 1000 < found["own_kb"] < found["rss_kb"]

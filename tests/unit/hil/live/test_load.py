@@ -1,11 +1,11 @@
-"""The machine's load: shares between two looks, and silence where the kernel says nothing."""
+"""The load of the machine: shares between two samples, and zero where the kernel reports nothing."""
 
 import pytest
 
 from hil.live.load import Load, load_line, load_now, load_table
 
 
-def test_shares_are_of_the_time_between_two_looks():
+def test_load_shares_are_of_the_time_between_two_samples():
     table = load_table(Load(0.5, 1000, 10, 5000), Load(2.0, 1400, 110, 6000))
     assert (table["idle"], table["stolen"], table["load_average"]) == (0.4, 0.1, (0.5, 2.0))
     assert "40% idle, load average 0.5 before, 2.0 after; 10% of their time went to other guests" in load_line(table)

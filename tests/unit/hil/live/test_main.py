@@ -1,4 +1,4 @@
-"""A service that hangs does not outlive its supervisor for ever."""
+"""A hanging service exits after its supervisor has ended."""
 
 import os
 import subprocess
@@ -31,11 +31,11 @@ def alive(pid):
         return False
 
 
-def test_a_hanging_service_ends_itself_when_its_supervisor_is_gone():
-    said = subprocess.run(
+def test_hanging_service_exits_when_its_supervisor_ends():
+    finished = subprocess.run(
         [sys.executable, "-c", PARENT, CHILD], capture_output=True, text=True, check=True, timeout=120
     )
-    pid, until = int(said.stdout), time.monotonic() + 30.0
+    pid, until = int(finished.stdout), time.monotonic() + 30.0
     try:
         while alive(pid):
             assert time.monotonic() < until
@@ -45,11 +45,11 @@ def test_a_hanging_service_ends_itself_when_its_supervisor_is_gone():
             os.kill(pid, 9)
 
 
-def test_a_service_whose_supervisor_was_gone_before_it_could_look_ends_at_once(tmp_path):
-    """Its parent is then somebody else, who never changes."""
+def test_service_exits_at_once_when_its_supervisor_ended_before_the_start(tmp_path):
+    """Its parent is then another process, which never changes."""
     code = "import sys; from hil.live import main as live_main; live_main.LiveSpec.read = lambda _: sys.exit('lives'); "
     code += "sys.argv[1:] = ['spec', 'camera']; sys.exit(live_main.main())"
-    for parent, said, ended in ((str(os.getpid()), "lives\n", 1), ("1", "", 3)):
+    for parent, printed, ended in ((str(os.getpid()), "lives\n", 1), ("1", "", 3)):
         child = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
@@ -57,4 +57,4 @@ def test_a_service_whose_supervisor_was_gone_before_it_could_look_ends_at_once(t
             env={**os.environ, STARTED_BY: parent},
             timeout=120,
         )
-        assert (child.stderr, child.returncode) == (said, ended)
+        assert (child.stderr, child.returncode) == (printed, ended)

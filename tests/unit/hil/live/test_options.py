@@ -1,4 +1,4 @@
-"""Options of the live host that do not go together are told in one line, before anything is started."""
+"""Options of the live host that contradict each other give an error of one line, before anything is started."""
 
 import pytest
 
@@ -18,7 +18,7 @@ def refused(text, *, remote=(), endpoint=None, keys=None, viewed=False):
         check_options(SIM, remote, endpoint, keys, viewed=viewed)
 
 
-def test_what_fits_together_passes(tmp_path):
+def test_valid_combinations_of_options_pass(tmp_path):
     check_options(SIM, (), None, None)
     check_options(SIM, ("brain", "hub"), HERE, None)
     make_keys(tmp_path / "keys", ["hub", *OBSERVERS, *SERVICES])
@@ -26,7 +26,7 @@ def test_what_fits_together_passes(tmp_path):
     check_options(SIM, ("brain",), HERE.replace("tcp", "tls"), tmp_path / "keys")
 
 
-def test_remote_services_are_the_rigs_and_can_travel():
+def test_invalid_remote_services_are_refused():
     refused("no service 'brian'; did you mean \"brain\"", remote=("brian",), endpoint=HERE)
     for tied in ("vehicle_link", "vehicle_device", "car", "car_device"):
         refused("share a wire of one host", remote=(tied,), endpoint=HERE)
@@ -36,12 +36,12 @@ def test_remote_services_are_the_rigs_and_can_travel():
 @pytest.mark.parametrize(
     "endpoint", ["", "192.168.1.10:7447", "udp/1.2.3.4:7447", "tcp/:7447", "tcp/host:0", "tcp/host:70000"]
 )
-def test_an_endpoint_has_a_form(endpoint):
+def test_endpoint_with_invalid_syntax_is_refused(endpoint):
     with pytest.raises(ConfigError, match="write tcp/HOST:PORT"):
         check_endpoint(endpoint, None)
 
 
-def test_keys_and_tls_go_together(tmp_path):
+def test_tls_without_keys_and_keys_without_tls_are_refused(tmp_path):
     refused("tls/ needs --keys", endpoint="tls/127.0.0.1:7447")
     refused("with --keys the bus is on tls/", endpoint=HERE, keys=tmp_path)
     refused("--view cannot join", keys=tmp_path, viewed=True)

@@ -1,4 +1,4 @@
-"""Asking for priority: it is taken where it is permitted, and nothing happens elsewhere or to the user's shell."""
+"""Process priority: it is set where permitted, and the shell of the user is unchanged."""
 
 import os
 import subprocess
@@ -24,10 +24,10 @@ print(os.getpriority(os.PRIO_PROCESS, 0), os.sched_getparam(0).sched_priority, b
 
 
 def ask(priority, *, own_session):
-    said = subprocess.run(
+    finished = subprocess.run(
         [sys.executable, "-c", ASK, priority], capture_output=True, text=True, check=True, start_new_session=own_session
     )
-    return said.stdout.split()
+    return finished.stdout.split()
 
 
 def permitted(call):
@@ -35,7 +35,7 @@ def permitted(call):
 
 
 @pytest.mark.parametrize("priority", ["control", "detection", "off_path", "rendering", "recording"])
-def test_a_priority_takes_the_priority_that_it_is_permitted(priority):
+def test_process_priority_is_set_as_far_as_permitted(priority):
     nice, real_time, _, session = ask(priority, own_session=True)
     wanted = PRIORITIES[priority]
     before = os.getpriority(os.PRIO_PROCESS, 0)
@@ -45,7 +45,7 @@ def test_a_priority_takes_the_priority_that_it_is_permitted(priority):
     assert session in (str(wanted.nice), "none", "0")
 
 
-def test_the_session_of_a_shell_is_left_alone():
+def test_priority_of_a_shell_session_is_unchanged():
     _, _, before, after = ask("control", own_session=False)
     assert after == before
 
@@ -64,14 +64,14 @@ print(*priorities)
 """
 
 
-def test_a_picture_is_drawn_after_others_but_delivered_before_them():
-    said = subprocess.run([sys.executable, "-c", DURING_STEP], capture_output=True, text=True, check=True)
+def test_rendering_has_low_priority_while_drawing_and_high_while_delivering():
+    finished = subprocess.run([sys.executable, "-c", DURING_STEP], capture_output=True, text=True, check=True)
     wanted = PRIORITIES["rendering"]
     may = permitted("os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))") and os.cpu_count() > 1
-    assert said.stdout.split() == [str(n) for n in (wanted.during_step, wanted.real_time) * 2] if may else ["0"] * 4
+    assert finished.stdout.split() == [str(n) for n in (wanted.during_step, wanted.real_time) * 2] if may else ["0"] * 4
 
 
-def test_control_goes_before_all_others_and_the_recorder_last():
+def test_control_has_the_highest_priority_and_the_recorder_the_lowest():
     order = [PRIORITIES[name] for name in ("control", "detection", "off_path", "rendering", "recording")]
     assert [one.nice for one in order] == sorted({one.nice for one in order})
     during_step = [one.during_step or one.real_time for one in order]

@@ -4,7 +4,7 @@ from hil.bus.mailbox import Delivery
 from hil.live.recorder import SETTLE_NS, Ending, Sorter
 
 
-def test_a_recorder_that_is_ordered_to_end_ends_without_a_supervisor():
+def test_recorder_ordered_to_end_exits_without_a_supervisor():
     ending = Ending()
     ending.look(alone=True, now_s=10.0)
     ending.ask()

@@ -1,4 +1,4 @@
-"""The run's time on another host: translated by the measured offset, followed slowly, told in words."""
+"""The run's time on another host: translated by the measured offset, corrected slowly, reported in words."""
 
 from itertools import pairwise
 
@@ -26,7 +26,7 @@ class Watch:
         return self.best.offset_ns - self.first.offset_ns
 
 
-def test_the_run_starts_when_the_hubs_clock_shows_it():
+def test_run_starts_at_the_epoch_on_the_clock_of_the_hub():
     now = [5 * SECOND]
     run_time = RunTime(Watch(100 * SECOND), clock=lambda: now[0])
     assert not run_time.begun
@@ -37,7 +37,7 @@ def test_the_run_starts_when_the_hubs_clock_shows_it():
     assert run_time.now() == 7
 
 
-def test_a_drift_is_followed_by_a_little_at_a_time():
+def test_clock_drift_is_corrected_in_small_steps():
     watch = Watch(100 * SECOND)
     run_time = RunTime(watch, clock=lambda: 0)
     run_time.begin(0)
@@ -51,7 +51,7 @@ def test_a_drift_is_followed_by_a_little_at_a_time():
     assert watch.asked == 4
 
 
-def test_a_shared_clock_is_not_asked_again():
+def test_shared_clock_is_not_measured_again():
     watch = Watch(0, shared=True)
     RunTime(watch, clock=lambda: 0).tick()
     assert watch.asked == 0
@@ -61,14 +61,14 @@ def table(watch):
     return RunTime(watch, clock=lambda: 0).table()
 
 
-def test_the_offset_is_reported_from_the_hubs_side():
+def test_clock_offset_is_reported_relative_to_the_hub():
     (line,) = clock_lines("brain", table(Watch(-1234 * SECOND)))
     assert line.startswith("brain: on another host; its clock is +1234.000000 s from the hub's, known to 0.200 ms")
     assert clock_lines("brain", table(Watch(0, shared=True))) == []
     assert clock_lines("recorder", {}) == []
 
 
-def test_a_wrong_date_and_a_fast_drift_are_worth_a_remark():
+def test_wrong_date_and_fast_drift_are_reported():
     assert "set both by NTP" in clock_lines("brain", table(Watch(0, date_ns=-4 * SECOND)))[1]
     watch = Watch(0)
     run_time = RunTime(watch, clock=lambda: 0)
@@ -76,7 +76,7 @@ def test_a_wrong_date_and_a_fast_drift_are_worth_a_remark():
     assert "drifted far apart" in clock_lines("brain", run_time.table())[1]
 
 
-def test_an_offset_that_is_hardly_known_stops_the_run():
+def test_run_is_refused_when_the_clock_offset_error_is_too_large():
     assert clock_fault("brain", table(Watch(0, error_ns=ERROR_LIMIT_NS))) == ""
     assert "only to within 5.0 ms" in clock_fault("brain", table(Watch(0, error_ns=ERROR_LIMIT_NS + 1)))
     assert clock_fault("brain", table(Watch(0, error_ns=ERROR_LIMIT_NS + 1, shared=True))) == ""

@@ -1,4 +1,4 @@
-"""What a live run says about itself when it ends: whose words are its failure."""
+"""Events of a live run: which error is reported as its failure."""
 
 import pytest
 
@@ -28,6 +28,6 @@ def events():
         ([DIRECTOR, GATE, GATE, GATE], "attempt", True, f"{GATE}; {GATE}; {GATE}"),
     ],
 )
-def test_the_failure_of_a_run(events, errors, stage, troubled, failure):
+def test_failure_of_a_run_follows_from_errors_and_stage(events, errors, stage, troubled, failure):
     events.errors, events.stage = errors, stage
     assert events.failure(troubled) == failure

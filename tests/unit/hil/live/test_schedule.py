@@ -1,4 +1,4 @@
-"""The order in which one process of a live run steps its nodes and publishes what they said."""
+"""The order in which one process of a live run steps its nodes and publishes their outputs."""
 
 from hil.contract import messages as m
 from hil.contract.node import Node, Out
@@ -21,38 +21,38 @@ class Slow(Node):
         return [Out("event", m.Event(now_ns, "info", "camera", "picture"), 9 * MS)]
 
 
-def test_a_picture_that_is_due_is_published_before_the_next_one_is_drawn():
+def test_due_picture_is_published_before_the_next_is_drawn():
     clock, done = [0], []
-    seats = Schedule(
+    schedule = Schedule(
         [Slow(clock, done)], lambda _, message: done.append(("published", message.stamp_ns)) or 0, lambda: clock[0]
     )
-    seats.begin()
-    seats.catch_up()
+    schedule.begin()
+    schedule.catch_up()
     clock[0] = 12 * MS  # woken late: both are due
-    seats.catch_up()
+    schedule.catch_up()
     assert done == [("drawn", 0), ("published", 0), ("drawn", 10 * MS)]
     clock[0] = 19 * MS
-    seats.catch_up()
+    schedule.catch_up()
     assert done[-1] == ("published", 10 * MS)
 
 
-def test_a_node_that_cannot_keep_its_period_is_stepped_once_and_missed_deadlines_are_counted():
+def test_late_node_is_stepped_once_and_missed_deadlines_are_counted():
     clock, done = [0], []
-    seats = Schedule([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
-    seats.begin()
+    schedule = Schedule([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
+    schedule.begin()
     clock[0] = 47 * MS
-    seats.catch_up()
+    schedule.catch_up()
     assert done == [("drawn", 40 * MS)]
-    ((_, pace),) = seats.paces
+    ((_, pace),) = schedule.paces
     assert (pace.steps, pace.late, pace.missed) == (1, 1, 4)
 
 
 def test_deadlines_begin_at_the_given_phase():
     clock, done = [0], []
-    seats = Schedule([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
-    seats.begin(3 * MS)
-    seats.catch_up()
+    schedule = Schedule([Slow(clock, done)], lambda *_: 0, lambda: clock[0])
+    schedule.begin(3 * MS)
+    schedule.catch_up()
     assert done == []
     clock[0] = 13 * MS
-    seats.catch_up()
+    schedule.catch_up()
     assert done == [("drawn", 13 * MS)]

@@ -1,4 +1,4 @@
-"""One process of a live run: what wakes a node, what it tells, how it ends."""
+"""One process of a live run: what wakes a node, which health it reports, how it ends."""
 
 import contextlib
 import errno
@@ -98,7 +98,7 @@ def start():
             service.end()
 
 
-def test_only_what_wakes_a_node_wakes_it_and_the_rest_comes_along(start):
+def test_node_wakes_on_wake_topics_only_and_then_receives_all_messages(start):
     node = Fake()
     service = start(node)
     service.go()
@@ -111,7 +111,7 @@ def test_only_what_wakes_a_node_wakes_it_and_the_rest_comes_along(start):
     until(lambda: sum(stages for _, _, stages in node.steps) > 0)
 
 
-def test_what_comes_on_a_wire_wakes_its_driver_whatever_its_period(start, monkeypatch):
+def test_data_on_a_wire_wakes_its_driver_before_its_period_ends(start, monkeypatch):
     monkeypatch.setattr("hil.live.schedule.WIRE_PERIOD_NS", 3600 * 10**9)
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     here.setblocking(False)
@@ -128,7 +128,7 @@ def test_what_comes_on_a_wire_wakes_its_driver_whatever_its_period(start, monkey
     there.close()
 
 
-def test_a_message_between_go_and_start_steps_no_node(start):
+def test_message_between_go_and_the_epoch_steps_no_node(start):
     node = Fake()
     service = start(node)
     service.order(order="go", epoch_ns=time.monotonic_ns() + 1_000_000_000)
@@ -137,7 +137,7 @@ def test_a_message_between_go_and_start_steps_no_node(start):
     assert all(now_ns >= 0 for now_ns, _, _ in node.steps)
 
 
-def test_without_a_wire_a_node_that_goes_by_time_is_stepped_at_its_deadlines(start):
+def test_periodic_node_without_a_wire_is_stepped_at_its_deadlines(start):
     node = Fake(period_ns=20_000_000)
     node.wakes = ()
     start(node).go()
@@ -155,7 +155,7 @@ class Slow(Fake):
         return super().step(now_ns, inbox)
 
 
-def test_a_node_that_cannot_keep_its_period_still_receives_and_publishes(start):
+def test_late_node_still_receives_and_publishes(start):
     node = Slow(period_ns=1_000_000)
     service = start(node)
     service.go()
@@ -176,7 +176,7 @@ class FullDisk:
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_a_service_steps_on_and_makes_safe_when_receipts_cannot_be_written(start):
+def test_service_continues_to_the_safe_state_when_receipts_cannot_be_written(start):
     node, events = Fake(period_ns=20_000_000), Mailbox()
     service = start(node, book=FullDisk())
     service.supervisor.subscribe("supervisor", ["event"], events)
@@ -192,7 +192,7 @@ def test_a_service_steps_on_and_makes_safe_when_receipts_cannot_be_written(start
     events.close()
 
 
-def test_an_abort_reaches_every_node_once(start, capfd):
+def test_abort_reaches_every_node_once(start, capfd):
     node = Fake()
     service = start(node)
     service.go()
@@ -206,7 +206,7 @@ def test_an_abort_reaches_every_node_once(start, capfd):
     assert "brain: safe at the end" in capfd.readouterr().out
 
 
-def test_a_service_without_orders_makes_safe_and_ends_by_itself(start, capfd):
+def test_service_without_orders_enters_the_safe_state_and_exits(start, capfd):
     now = [time.monotonic_ns()]
     presence = Presence(clock=lambda: now[0], parent=os.getppid)
     node = Fake()
@@ -220,7 +220,7 @@ def test_a_service_without_orders_makes_safe_and_ends_by_itself(start, capfd):
     assert "nothing received from supervisor and hub for 10.0 s" in node.aborts[0]
 
 
-def test_a_service_that_is_not_safe_stays_for_a_while(start):
+def test_service_not_yet_safe_does_not_exit(start):
     now = [time.monotonic_ns()]
     node = Fake()
     node.at_rest = False

@@ -1,4 +1,4 @@
-"""The soak's verdict: growth and lateness are seen, settling and a steady burden are not held against anybody."""
+"""The soak's verdict: growth and lateness are faults, settling and a constant load are not."""
 
 import tomllib
 
@@ -19,19 +19,19 @@ def samples(count=60, *, own_kb=lambda t: 200_000.0, late=lambda t: 0.0):
     return found
 
 
-def test_a_steady_service_passes():
+def test_service_with_constant_memory_passes():
     verdict = judge("brain", samples(late=lambda t: 0.05))
     assert verdict.faults == ()
     assert verdict.growth_kb == 0.0
     assert verdict.early == pytest.approx(0.05, abs=0.005)
 
 
-def test_a_leak_is_reported_with_its_size():
+def test_memory_leak_is_reported_with_its_size():
     (fault,) = judge("brain", samples(own_kb=lambda t: 200_000 + 200 * t)).faults
     assert fault.startswith("memory grew by 1")
 
 
-def test_what_fills_up_at_the_start_is_no_leak():
+def test_memory_growth_at_the_start_is_not_a_leak():
     assert judge("brain", samples(own_kb=lambda t: 200_000 + 3000 * min(t, 18.0))).faults == ()
 
 
@@ -40,11 +40,11 @@ def test_growing_lateness_is_reported():
     assert fault.startswith("late steps grew from")
 
 
-def test_too_short_a_run_is_no_verdict():
+def test_too_short_a_soak_has_no_verdict():
     assert judge("brain", samples(12)).faults == ("too short to tell",)
 
 
-def test_files_in_shared_memory_must_not_grow():
+def test_growing_count_of_shared_memory_files_is_reported():
     def counted(count):
         return [(number * SAMPLE_S, count(number)) for number in range(60)]
 
@@ -53,7 +53,7 @@ def test_files_in_shared_memory_must_not_grow():
     assert verdict.faults == ("files in shared memory grew from 17 to 18",)
 
 
-def test_the_diary_looks_now_and_then_and_counts_missed_steps_as_late():
+def test_samples_are_taken_after_the_lead_and_count_missed_steps_as_late():
     samples = Samples()
     table = {
         "own_kb": 5,
@@ -72,7 +72,7 @@ def test_the_diary_looks_now_and_then_and_counts_missed_steps_as_late():
 
 
 @pytest.mark.parametrize("name", list_scenarios())
-def test_the_lead_of_any_scenario_can_be_stretched_and_nothing_else_changes(name, tmp_path):
+def test_stretched_scenario_differs_only_in_its_lead(name, tmp_path):
     path = stretched(name, 2.5, tmp_path)
     assert tomllib.loads(path.read_text())["car"]["lead"] == 150.0
     long, short = load(path), load(name)
@@ -80,6 +80,6 @@ def test_the_lead_of_any_scenario_can_be_stretched_and_nothing_else_changes(name
     assert long.model_copy(update={"car": short.car}) == short
 
 
-def test_a_scenario_that_there_is_not_is_refused(tmp_path):
+def test_unknown_scenario_of_a_soak_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="there is no scenario"):
         stretched("hard-iii", 1.0, tmp_path)

@@ -1,4 +1,4 @@
-"""The supervisor: who ended is named with its last words, nobody survives it, left-over memory is removed."""
+"""The supervisor: an ended service is reported with its last log line, no process and no shared memory is orphaned."""
 
 import os
 import signal
@@ -53,14 +53,14 @@ def test_a_stopped_process_is_killed_too(tmp_path):
     assert one.end(0.1) == "brain had to be stopped with SIGKILL"
 
 
-def test_the_supervisor_keeps_publishing_while_it_waits_for_an_end(tmp_path):
+def test_supervisor_keeps_publishing_while_waiting_for_a_process_to_end(tmp_path):
     beats = []
     one = process(tmp_path, "import time; time.sleep(60)")
     assert one.end(0.5, lambda: beats.append(1)) == "brain had to be stopped with SIGTERM"
     assert len(beats) >= 3
 
 
-def test_a_stopped_process_is_known_as_stopped(tmp_path):
+def test_stopped_process_is_recognised_as_stopped(tmp_path):
     one = process(tmp_path, "import time; time.sleep(60)")
     assert not one.stopped()
     os.kill(one.pid, signal.SIGSTOP)
@@ -68,16 +68,16 @@ def test_a_stopped_process_is_known_as_stopped(tmp_path):
     one.end(0.0)
 
 
-def half_gone(tmp_path):
-    """A process whose main thread has left by itself, with status 7 (x86-64's and arm64's exit), another lives on."""
+def process_without_main_thread(tmp_path):
+    """A process whose main thread has exited with status 7 (exit of x86-64 and arm64) while another thread runs on."""
     code = "import ctypes, platform, threading, time\nthreading.Thread(target=time.sleep, args=(60,)).start()\n"
     one = process(tmp_path, code + "ctypes.CDLL(None).syscall(60 if platform.machine() == 'x86_64' else 93, 7)")
     wait_for(lambda: one.leaving() is not None)
     return one
 
 
-def test_a_process_is_leaving_as_soon_as_its_main_thread_is_gone(tmp_path):
-    one = half_gone(tmp_path)
+def test_process_counts_as_ending_once_its_main_thread_has_ended(tmp_path):
+    one = process_without_main_thread(tmp_path)
     assert one.ended() is None
     assert one.why() == "brain ended with exit code 7"
     one.end(0.0)
@@ -85,7 +85,7 @@ def test_a_process_is_leaving_as_soon_as_its_main_thread_is_gone(tmp_path):
 
 
 class Run:
-    """A supervisor in the middle of a run that nobody has to fly: what it heard, and when, is set by hand."""
+    """A supervisor in the middle of a run without services: what it received, and when, is set by hand."""
 
     def __init__(self, tmp_path, **ages_s):
         self.supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, tuple(ages_s))
@@ -114,18 +114,18 @@ def test_a_topic_that_is_not_published_is_reported_with_its_publisher(tmp_path):
     assert run.trouble().startswith("mocap has not published mocap/board for 1.2")
 
 
-def test_a_service_without_health_is_blamed_before_the_services_that_wait_for_it(tmp_path):
+def test_service_without_health_is_reported_before_the_services_that_wait_for_it(tmp_path):
     run = Run(tmp_path, brain=0.2, camera=1.3, mocap=0.3)
     run.topic("belief", 1.1)
     assert run.trouble().startswith("camera does not answer: no health for 1.3")
 
 
-def test_a_service_without_topics_is_missed_by_its_health(tmp_path):
+def test_service_without_topics_is_supervised_by_its_health(tmp_path):
     assert Run(tmp_path, brain=0.2, mocap=2.2).trouble().startswith("mocap does not answer")
     assert Run(tmp_path, brain=0.2, mocap=1.5).trouble() == ""
 
 
-def test_the_recorder_may_be_busy_for_longer_and_is_not_blamed_for_others(tmp_path):
+def test_recorder_has_a_longer_limit_and_is_not_reported_for_other_services(tmp_path):
     run = Run(tmp_path, brain=0.2, recorder=1.8, mocap=0.3)
     assert run.trouble() == ""
     run.topic("mocap/board", 1.2)
@@ -133,7 +133,7 @@ def test_the_recorder_may_be_busy_for_longer_and_is_not_blamed_for_others(tmp_pa
     assert Run(tmp_path, brain=0.2, mocap=0.2, recorder=2.1).trouble().startswith("recorder does not answer")
 
 
-def test_the_hub_is_blamed_if_no_service_is_received(tmp_path):
+def test_hub_is_reported_when_no_service_is_received(tmp_path):
     run = Run(tmp_path, brain=1.2, mocap=1.4)
     run.topic("belief", 1.1)
     assert run.trouble().startswith("hub does not answer: no service was received for 1.2")
@@ -145,7 +145,7 @@ def test_a_service_that_does_not_publish_because_it_ends_is_reported_as_ended(tm
     run.supervisor._processes["brain"] = one = process(tmp_path, "import time; time.sleep(60)")
     assert run.trouble().startswith("brain does not answer")
     one.end(0.0)
-    run.supervisor._processes["brain"] = one = half_gone(tmp_path)
+    run.supervisor._processes["brain"] = one = process_without_main_thread(tmp_path)
     assert run.trouble() == "brain ended with exit code 7"
     one.end(0.0)
 
@@ -167,7 +167,7 @@ def test_a_service_of_another_host_that_does_not_fit_is_refused(tmp_path, table,
         supervisor.wait_ready(["brain"], waiting=lambda _: None)
 
 
-def test_a_hub_that_cannot_start_is_named(tmp_path):
+def test_hub_that_cannot_start_is_reported_by_name(tmp_path):
     spec = tmp_path / "spec.json"
     spec.write_text("{}")
     with Supervisor(spec, "tcp/127.0.0.1:1", tmp_path) as supervisor:
@@ -177,7 +177,7 @@ def test_a_hub_that_cannot_start_is_named(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no /dev/shm")
-def test_only_memory_of_the_bus_that_no_process_holds_is_removed(tmp_path):
+def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path):
     orphan, held = Path(f"/dev/shm/{os.getpid()}1.zenoh"), Path(f"/dev/shm/{os.getpid()}2.zenoh")
     outside = tmp_path / "outside.zenoh"
     holder = None

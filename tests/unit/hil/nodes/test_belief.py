@@ -32,7 +32,7 @@ def step(node, now_ns, *detections, tick=True):
 def test_a_belief_is_published_at_each_odometry_and_each_detection():
     node = BeliefNode(BoardFilter())
     assert set(node.wakes) == set(node.inputs)
-    assert step(node, 0, detection(0), tick=False) == []  # nobody flies yet
+    assert step(node, 0, detection(0), tick=False) == []  # no odometry yet
     (belief,) = step(node, 10 * MS)
     assert (belief.stamp_ns, belief.accepted) == (10 * MS, 1)
     inbox = filled(node, ("vehicle/odometry", odometry(20 * MS)))
@@ -59,7 +59,7 @@ def test_the_belief_is_predicted_to_now():
     assert (belief.speed, belief.heading, belief.inclination) == pytest.approx((SPEED, HEADING, TILT), abs=0.05)
 
 
-def test_a_picture_without_the_board_changes_no_belief():
+def test_picture_without_the_board_does_not_change_the_belief():
     node = BeliefNode(BoardFilter())
     step(node, 0, detection(0))
     (belief,) = step(node, 10 * MS, detection(5 * MS, found=False))

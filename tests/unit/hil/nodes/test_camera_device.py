@@ -12,7 +12,7 @@ NOW = 1_000 * MS
 
 
 class FakeCamera:
-    """Gives what it is told to."""
+    """Returns the scripted pictures."""
 
     def __init__(self):
         self.pictures, self.lost, self.dropped, self.damaged, self.closed = [], "", 3, 1, False
@@ -67,7 +67,7 @@ def test_a_lost_camera_is_reported_and_counted_and_then_ends_the_service(stage):
     assert camera.closed
 
 
-def test_the_end_of_a_recording_is_reported_once_and_the_run_goes_on():
+def test_end_of_a_recording_is_reported_once_and_the_run_continues():
     camera = FakeCamera()
     node = CameraDevice(camera, MS, real=False)
     camera.lost = "no more pictures"

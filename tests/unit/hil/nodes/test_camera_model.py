@@ -38,14 +38,14 @@ def look(node, now_ns, seen_from, at, stage="attempt"):
     return node.step(now_ns, filled(node, *messages))
 
 
-def test_nothing_is_published_before_the_car_drives():
+def test_camera_model_publishes_nothing_before_the_car_drives():
     node = camera()
     assert look(node, 0, vehicle(), board(), "prepare") == []
     assert node.step(0, filled(node)) == []
     assert [len(look(node, 0, vehicle(), board(), stage)) for stage in ("lead", "attempt", "ended")] == [1, 1, 1]
 
 
-def test_the_board_in_view_is_found_and_delivered_after_transport_and_detection():
+def test_board_in_view_is_published_after_the_transport_and_detection_delays():
     node = camera()
     assert node.period_ns == pytest.approx(1e9 / 30, abs=1)
     (out,) = look(node, 50 * MS, vehicle(stamp=50 * MS), board(stamp=50 * MS))
@@ -57,20 +57,20 @@ def test_the_board_in_view_is_found_and_delivered_after_transport_and_detection(
     assert math.hypot(*seen.orientation) == pytest.approx(1.0)
 
 
-def test_without_noise_it_sees_the_truth_of_the_exposure():
+def test_camera_model_without_noise_measures_the_truth_at_exposure_time():
     """Truth is a few milliseconds old when the shutter opens: both bodies are moved on to the exposure."""
     node = camera(noise=np.zeros(noise_row.DIM))
     (out,) = look(node, 4 * MS, vehicle(speed=2.0), board(speed=1.0))
     assert out.message.position == pytest.approx((0.004, 0.0, 1.5), abs=1e-9)
 
 
-def test_a_board_behind_the_drone_is_looked_for_and_not_found():
+def test_board_behind_the_vehicle_gives_a_detection_without_a_board():
     node = camera()
     seen = [look(node, t, vehicle(heading=math.pi), board())[0].message for t in range(3)]
     assert [(s.found, s.reason, s.image_sequence) for s in seen] == [(False, "not visible", i) for i in range(3)]
 
 
-def test_equal_seeds_see_equally():
+def test_camera_model_is_equal_for_equal_seeds():
     runs = [[look(node, t, vehicle(), board())[0].message for t in range(20)] for node in (camera(), camera())]
     other = [look(node, t, vehicle(), board())[0].message for node in [camera(seed=2)] for t in range(20)]
     assert runs[0] == runs[1]

@@ -26,11 +26,11 @@ def look(now_ns, truth_ns, stage="attempt", **settings):
     return node.step(now_ns, filled(node, *messages))
 
 
-def test_nothing_is_published_before_the_car_drives():
+def test_camera_sim_publishes_nothing_before_the_car_drives():
     assert look(0, 0, "prepare") == []
 
 
-def test_a_picture_drawn_later_shows_the_same_and_comes_at_the_same_time():
+def test_picture_rendered_later_has_equal_content_and_delivery_time():
     (at_once,) = look(100 * MS, 98 * MS)
     (later,) = look(104 * MS, 102 * MS, drawn_after_ns=4 * MS)
     assert at_once.message.stamp_ns == later.message.stamp_ns == 100 * MS
@@ -42,6 +42,6 @@ def test_a_picture_drawn_later_shows_the_same_and_comes_at_the_same_time():
     assert np.abs(np.frombuffer(moved.message.data, np.uint8).astype(int) - one).max() > 20
 
 
-def test_no_picture_is_delivered_before_it_is_drawn():
+def test_picture_is_not_delivered_before_rendering_ends():
     (out,) = look(100 * MS, 98 * MS, drawn_after_ns=50 * MS)
     assert (out.message.stamp_ns, out.delay_ns) == (84 * MS, 0)

@@ -39,8 +39,8 @@ class Car:
                 self.sim.step(self.now)
             if self.now % CONTROL_PERIOD_NS == 0:
                 given = command(self.now) if command else None
-                heard = [("car/command", given)] if given else []
-                for out in self.node.step(self.now, filled(self.node, *heard)):
+                received = [("car/command", given)] if given else []
+                for out in self.node.step(self.now, filled(self.node, *received)):
                     {"event": self.events, "car/sent": self.sent, "car/feedback": self.feedback}[out.topic].append(
                         out.message
                     )
@@ -56,7 +56,7 @@ def drive(speed, turn_rate=0.0):
     return lambda now: CarCommand(now, speed, turn_rate)
 
 
-def test_what_was_really_sent_is_published():
+def test_car_node_publishes_the_command_that_was_sent():
     car = Car(speed=1.0).run(1.0, drive(0.0)).run(2.0, drive(2.0, 0.3))
     assert {(c.speed, c.turn_rate) for c in car.sent[-50:]} == {(1.0, 0.3)}
     assert car.feedback[-1].speed == pytest.approx(1.0, abs=0.15)
@@ -65,7 +65,7 @@ def test_what_was_really_sent_is_published():
     assert car.sent == [], "no command, nothing sent"
 
 
-def test_nothing_is_sent_after_a_trip_so_that_the_car_stops_itself():
+def test_car_node_sends_nothing_after_a_trip():
     car = Car().run(1.0, drive(0.0)).run(1.5, drive(1.5))
     assert car.feedback[-1].speed > 1.0
     car.run(0.02, drive(math.nan))
@@ -79,7 +79,7 @@ def test_nothing_is_sent_after_a_trip_so_that_the_car_stops_itself():
     assert next(e for e in car.events if "tripped" in e.text).severity == "error"
 
 
-def test_a_car_without_feedback_is_sent_nothing_more_when_it_is_back():
+def test_car_node_sends_nothing_after_feedback_was_lost_and_returned():
     car = Car().run(1.0, drive(0.0)).run(1.0, drive(0.5))
     car.alive = False
     car.run(0.8, drive(0.5))
@@ -91,7 +91,7 @@ def test_a_car_without_feedback_is_sent_nothing_more_when_it_is_back():
     assert car.sent == []
 
 
-def test_garbage_on_the_bus_is_counted_and_does_no_harm():
+def test_invalid_can_frames_are_counted_and_ignored():
     car = Car().run(1.0, drive(0.5))
     for frame in ((0x7AB, b"\x01"), (0x221, b"short"), (0x211, b""), (0x3FF, bytes(8))):
         car.theirs.send(CanFrame(*frame))
@@ -101,7 +101,7 @@ def test_garbage_on_the_bus_is_counted_and_does_no_harm():
     assert car.feedback[-1].speed == pytest.approx(0.5, abs=0.1)
 
 
-def test_a_v1_car_is_refused_once_in_words_and_never_driven():
+def test_v1_car_is_reported_once_and_never_driven():
     car = Car()
     car.theirs.send(CanFrame(0x151, bytes(8)))
     car.run(1.0, drive(0.5))
@@ -111,7 +111,7 @@ def test_a_v1_car_is_refused_once_in_words_and_never_driven():
     assert (car.sent, car.node.safe) == ([], True)
 
 
-def test_an_abort_asks_for_rest_whatever_is_commanded_and_is_safe_when_the_car_stands():
+def test_abort_commands_zero_speed_and_is_safe_when_the_car_stands():
     car = Car().run(1.0, drive(0.0)).run(1.5, drive(1.0))
     assert not car.node.safe
     car.node.abort("a service has died")
@@ -120,7 +120,7 @@ def test_an_abort_asks_for_rest_whatever_is_commanded_and_is_safe_when_the_car_s
     assert car.node.safe
 
 
-def test_simulated_sensors_see_a_real_car_where_its_wheels_say_it_is():
+def test_simulated_sensors_use_the_wheel_odometry_of_a_real_car():
     assert "truth/board" not in Car().node.outputs
     car = Car()
     ours, car.theirs = memory_pair(lambda: car.now, MS)
@@ -130,8 +130,8 @@ def test_simulated_sensors_see_a_real_car_where_its_wheels_say_it_is():
     while car.now < 4 * S:
         car.sim.step(car.now)
         if car.now % CONTROL_PERIOD_NS == 0:
-            heard = ("car/command", CarCommand(car.now, 1.0, 0.2))
-            boards += [out.message for out in node.step(car.now, filled(node, heard)) if out.topic == "truth/board"]
+            received = ("car/command", CarCommand(car.now, 1.0, 0.2))
+            boards += [out.message for out in node.step(car.now, filled(node, received)) if out.topic == "truth/board"]
         car.now += 4 * MS
     row = car.sim.board_row(1.5, 0.7)
     board = boards[-1]
@@ -188,13 +188,13 @@ def test_the_car_is_brought_to_rest_when_the_run_has_ended():
     assert [c.stamp_ns for c in ending] == list(range(2 * S, 4 * S, CONTROL_PERIOD_NS)), "it goes on asking for rest"
 
 
-def test_it_ends_without_having_begun():
+def test_follower_commands_zero_speed_when_the_run_ends_before_the_start():
     node = CarFollower(FakeFollower())
     (out,) = node.step(S, filled(node, ("run/stage", Stage(S, "ended", 0, 0))))
     assert (out.message.speed, out.message.turn_rate) == (0.0, 0.0)
 
 
-def test_a_measurement_that_is_not_finite_is_not_driven_by():
+def test_follower_ignores_a_non_finite_measurement():
     node = CarFollower(FakeFollower())
     bad = ("mocap/board", BoardState(S, (math.nan, 0.0, 0.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0))
     assert node.step(S, filled(node, bad, ("run/stage", Stage(S, "attempt", S, S)))) == []

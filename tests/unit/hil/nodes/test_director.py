@@ -24,8 +24,8 @@ class Run:
         self.inbox = filled(self.director)
         self.stages, self.events = [], []
 
-    def at(self, ms, **heard):
-        for topic, message in heard.items():
+    def at(self, ms, **given):
+        for topic, message in given.items():
             self.inbox.put(topic.replace("_", "/"), message)
         outs = self.director.step(ms * MS, self.inbox)
         self.inbox.clear()
@@ -35,7 +35,7 @@ class Run:
         return stage
 
 
-def test_a_run_goes_through_its_stages_at_the_right_times():
+def test_run_passes_its_stages_at_the_right_times():
     run = Run()
     assert run.at(0) == Stage(0, "prepare", 0, 0)
     run.at(5_000, vehicle_status=status("takeoff"))
@@ -56,15 +56,15 @@ def test_a_run_goes_through_its_stages_at_the_right_times():
 def test_a_stage_is_published_at_once_and_then_again_twenty_times_a_second():
     director = Director(LEAD, LIMIT, AFTER)
     inbox = filled(director)
-    told = []
+    stages = []
     for ms in range(0, 200, 10):
         if ms == 120:
             inbox.put("vehicle/status", status("hover"))
-        told += [(ms, out.message.name) for out in director.step(ms * MS, inbox) if out.topic == "run/stage"]
-    assert told == [(0, "prepare"), (50, "prepare"), (100, "prepare"), (120, "lead"), (170, "lead")]
+        stages += [(ms, out.message.name) for out in director.step(ms * MS, inbox) if out.topic == "run/stage"]
+    assert stages == [(0, "prepare"), (50, "prepare"), (100, "prepare"), (120, "lead"), (170, "lead")]
 
 
-def test_a_failed_attempt_ends_the_run_as_a_success_does():
+def test_run_ends_after_a_failed_attempt_as_after_a_success():
     run = Run()
     run.at(0, vehicle_status=status("hover"))
     run.at(2_000)
@@ -80,7 +80,7 @@ def test_a_verdict_before_the_attempt_is_ignored():
 
 
 @pytest.mark.parametrize(
-    ("heard", "words"),
+    ("given", "words"),
     [
         (status("failed"), "the vehicle did not reach its start (failed)"),
         (status("interrupted"), "the vehicle did not reach its start (interrupted)"),
@@ -89,11 +89,11 @@ def test_a_verdict_before_the_attempt_is_ignored():
         (None, "not hovering at its start after 60 s (phase unknown)"),
     ],
 )
-def test_without_a_hover_there_is_no_attempt(heard, words):
+def test_attempt_does_not_start_without_a_hover(given, words):
     run = Run()
-    run.at(0, **({"vehicle_status": heard} if heard else {}))
+    run.at(0, **({"vehicle_status": given} if given else {}))
     run.at(60_000)
-    assert run.stages[-1] == ("ended" if heard and heard.phase != "takeoff" else "prepare")
+    assert run.stages[-1] == ("ended" if given and given.phase != "takeoff" else "prepare")
     run.at(60_050)
     assert run.stages[-1] == "ended"
     assert words in run.director.failure
@@ -102,7 +102,7 @@ def test_without_a_hover_there_is_no_attempt(heard, words):
 
 
 @pytest.mark.parametrize("phase", ["failed", "interrupted", "killed"])
-def test_a_vehicle_lost_while_the_car_drives_is_no_miss_of_the_policy(phase):
+def test_vehicle_lost_before_the_attempt_is_not_a_miss(phase):
     run = Run()
     run.at(0, vehicle_status=status("hover"))
     run.at(1_000, vehicle_status=status(phase))

@@ -23,7 +23,7 @@ def measure(node, *messages):
     return {out.topic: out for out in node.step(10 * MS, filled(node, *messages))}
 
 
-def test_it_measures_what_there_is_and_keeps_the_time_of_the_truth():
+def test_mocap_measures_present_bodies_with_the_stamp_of_the_truth():
     node = MocapNode(Mocap(0, SILENT), Mocap(1, SILENT), 100.0, 5 * MS)
     assert node.period_ns == 10 * MS
     assert measure(node) == {}
@@ -36,14 +36,14 @@ def test_it_measures_what_there_is_and_keeps_the_time_of_the_truth():
 @pytest.mark.parametrize("heading", [0.0, 0.3, 1.7, -1.7, 3.0, -3.0])
 @pytest.mark.parametrize("inclination", [0.0, 0.8, 1.22, 1.5])
 @pytest.mark.parametrize("speed", [1.2, -0.5])
-def test_the_cars_motion_is_read_off_the_boards(heading, inclination, speed):
+def test_mocap_heading_and_speed_follow_from_the_pose_of_the_board(heading, inclination, speed):
     """Heading and signed speed come from the measured pose: near-vertical boards included."""
     node = MocapNode(Mocap(0, SILENT), Mocap(1, SILENT), 100.0, 0)
     seen = measure(node, ("truth/board", board(heading, speed, inclination)))["mocap/board"].message
     assert (seen.heading, seen.speed, seen.turn_rate) == pytest.approx((heading, speed, 0.7), abs=1e-9)
 
 
-def test_noise_is_the_bodys_own():
+def test_mocap_noise_differs_between_bodies():
     """Two bodies of one system do not share their noise."""
     outs = [
         measure(MocapNode(Mocap(0), Mocap(seed), 100.0, 0), ("truth/vehicle", VEHICLE), ("truth/board", board(0.3)))

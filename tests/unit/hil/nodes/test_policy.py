@@ -28,11 +28,11 @@ def step(node, now_ns, stage="attempt", belief=BELIEF, odometry=ODOMETRY):
     return [out.message for out in node.step(now_ns, inbox)]
 
 
-def test_it_steps_with_every_belief():
+def test_policy_node_steps_with_every_belief():
     assert PolicyNode(FakePolicy()).wakes == ("belief",)
 
 
-def test_a_picture_is_acted_on_between_ticks():
+def test_policy_node_acts_on_a_picture_between_ticks():
     policy = FakePolicy()
     node = PolicyNode(policy)
     inbox = filled(node, ("belief", BELIEF), ("vehicle/odometry", ODOMETRY), ("run/stage", Stage(0, "attempt", 0, 0)))
@@ -53,7 +53,7 @@ def test_before_the_attempt_the_policy_is_not_stepped():
     assert (policy.resets, policy.seen) == ([], [])
 
 
-def test_it_starts_once_and_hands_over_what_it_was_given():
+def test_policy_is_reset_once_and_receives_odometry_and_belief():
     policy = FakePolicy()
     node = PolicyNode(policy)
     actions = [step(node, now)[0] for now in (500, 600, 700)]

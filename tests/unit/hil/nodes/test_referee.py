@@ -41,14 +41,14 @@ def judge(referee, now_ns, vehicle_state, name="attempt", board_state=None):
     return [out.message for out in referee.step(now_ns, inbox)]
 
 
-def test_nothing_is_published_outside_the_attempt():
+def test_referee_publishes_nothing_outside_the_attempt():
     referee = Referee(RULES, DISC, TILT)
     for name in ("prepare", "lead", "ended"):
         assert judge(referee, START, vehicle(gap=-0.01), name) == []
     assert referee.step(START, filled(referee, ("run/stage", stage()))) == [], "nor before it has seen anything"
 
 
-def test_a_clean_perch():
+def test_contact_within_all_tolerances_is_a_success():
     referee = Referee(RULES, DISC, TILT)
     (seen,) = judge(referee, START, vehicle(gap=0.3))
     assert (seen.outcome, seen.attached) == ("ongoing", False)
@@ -77,14 +77,14 @@ def test_speeds_are_relative_to_a_moving_board():
         (vehicle(gap=-0.001, tilt=TILT - 0.25), "alignment", True),
     ],
 )
-def test_a_broken_tolerance_is_named_and_the_magnet_judged_apart(state, reason, attached):
+def test_violated_tolerance_is_named_and_attachment_judged_separately(state, reason, attached):
     contact, event = judge(Referee(RULES, DISC, TILT), START, state)
     assert (contact.outcome, contact.reason, contact.within_tolerance) == ("fail", reason, False)
     assert contact.attached == attached
     assert reason in event.text
 
 
-def test_time_and_ground_end_an_attempt():
+def test_attempt_fails_at_the_time_limit_and_on_the_ground():
     late = START + round(RULES.time_limit * 1e9) + 1_000_000
     contact, _ = judge(Referee(RULES, DISC, TILT), late, vehicle(gap=1.0))
     assert (contact.outcome, contact.reason) == ("fail", "time")
@@ -93,7 +93,7 @@ def test_time_and_ground_end_an_attempt():
     assert (contact.outcome, contact.reason) == ("fail", "ground")
 
 
-def test_the_first_decision_stands():
+def test_referee_keeps_its_first_verdict():
     referee = Referee(RULES, DISC, TILT)
     first, _ = judge(referee, START, vehicle(gap=-0.001, along=0.9))
     (again,) = judge(referee, START + 10_000_000, vehicle(gap=-0.001))

@@ -15,19 +15,19 @@ NOW = 1_000 * MS
 
 
 class FakeLink:
-    """Says what it is told to, notes what it is given."""
+    """Returns a scripted output, records its inputs."""
 
     def __init__(self):
         self.commands, self.calls, self.poses = [], [], []
-        self.said = LinkOutput("handed_over", True, True, False, False, "OFFBOARD", 15.2, 0.49)
+        self.output = LinkOutput("handed_over", True, True, False, False, "OFFBOARD", 15.2, 0.49)
         self.garbage = 3
         self.parameters = {}
 
     def step(self, now_ns, command=None, external_pose=None):
         self.commands.append(command)
         self.poses.append(external_pose)
-        self.said.sent_thrust = None if command is None else 0.5
-        return self.said
+        self.output.sent_thrust = None if command is None else 0.5
+        return self.output
 
     def kill(self):
         self.calls.append("kill")
@@ -44,21 +44,21 @@ class Rig:
         self.node = VehicleLink(self.link, VehicleGate(GateLimits()), **options)
         self.step(NOW - 4 * MS, odometry=True)
 
-    def step(self, now_ns, *heard, odometry=False):
+    def step(self, now_ns, *given, odometry=False):
         sample = Odometry(now_ns, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
-        self.link.said.odometry = [sample] if odometry else []
-        outs = self.node.step(now_ns, filled(self.node, *heard))
+        self.link.output.odometry = [sample] if odometry else []
+        outs = self.node.step(now_ns, filled(self.node, *given))
         return {topic: [out.message for out in outs if out.topic == topic] for topic in self.node.outputs}
 
 
-def test_parameters_are_published_once_they_are_read():
+def test_autopilot_parameters_are_published_after_they_are_read():
     rig = Rig()
-    told = []
+    published = []
     for phase in ("connect", "parameters", "streams", "streams", "ready", "arm"):
-        rig.link.said.phase = phase
+        rig.link.output.phase = phase
         rig.link.parameters = {"COM_OF_LOSS_T": 0.3} if phase != "connect" else {}
-        told += [(phase, m.names, m.values) for m in rig.step(NOW)["vehicle/parameters"]]
-    assert told == [("streams", ("COM_OF_LOSS_T",), (0.3,))]
+        published += [(phase, m.names, m.values) for m in rig.step(NOW)["vehicle/parameters"]]
+    assert published == [("streams", ("COM_OF_LOSS_T",), (0.3,))]
 
 
 def action(stamp=NOW, rate=(0.1, 0.2, 0.3), engaged=True):
@@ -69,35 +69,35 @@ def contact(outcome, attached=False):
     return "referee/contact", Contact(NOW, outcome, "", attached, attached, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_command_is_sent_and_what_was_sent_is_published():
+def test_vehicle_node_sends_the_command_and_publishes_it():
     rig = Rig()
     (sent,) = rig.step(NOW, action())["vehicle/sent"]
     assert rig.link.commands[-1] == Rates((0.1, 0.2, 0.3), 9.0)
     assert (sent.body_rate, sent.thrust, sent.thrust_normalised, sent.limited) == ((0.1, 0.2, 0.3), 9.0, 0.5, False)
 
 
-def test_what_the_gate_clips_is_what_is_sent():
+def test_vehicle_node_sends_the_command_clipped_by_the_gate():
     rig = Rig()
     (sent,) = rig.step(NOW, action(rate=(9.0, 0.0, 0.0)))["vehicle/sent"]
     assert rig.link.commands[-1] == Rates((4.0, 0.0, 0.0), 9.0)
     assert (sent.body_rate, sent.limited) == ((4.0, 0.0, 0.0), True)
 
 
-def test_without_a_fresh_engaged_command_nothing_is_sent():
+def test_vehicle_node_sends_nothing_without_a_recent_engaged_command():
     rig = Rig()
-    for heard in ((), (action(engaged=False),), (action(stamp=NOW - 60 * MS),)):
-        assert rig.step(NOW, *heard)["vehicle/sent"] == []
+    for given in ((), (action(engaged=False),), (action(stamp=NOW - 60 * MS),)):
+        assert rig.step(NOW, *given)["vehicle/sent"] == []
         assert rig.link.commands[-1] is None
     assert rig.node.counters["commands too old to send"] == 1
 
 
-def test_only_the_newest_command_counts():
+def test_vehicle_node_uses_only_the_newest_command():
     rig = Rig()
     rig.step(NOW, action(NOW - 10 * MS, (1.0, 0.0, 0.0)), action(NOW, (2.0, 0.0, 0.0)))
     assert rig.link.commands[-1] == Rates((2.0, 0.0, 0.0), 9.0)
 
 
-def test_nothing_is_sent_after_a_trip_which_is_reported_once():
+def test_vehicle_node_sends_nothing_after_a_trip_and_reports_it_once():
     rig = Rig()
     outs = rig.step(NOW, action(rate=(math.nan, 0.0, 0.0)))
     assert rig.link.commands[-1] is None
@@ -126,25 +126,25 @@ def test_after_the_verdict_the_motors_stop_on_the_board_and_land_elsewhere(verdi
     assert set(rig.link.calls) == {call}
 
 
-def test_the_motors_go_on_after_contact_with_a_virtual_board():
+def test_motors_keep_running_after_contact_with_a_virtual_board():
     rig = Rig(virtual_board=True)
     rig.step(NOW, contact("success", attached=True))
     assert set(rig.link.calls) == {"release"}
 
 
-def test_status_comes_ten_times_a_second_and_at_every_change_of_phase():
+def test_status_is_published_at_10_hz_and_at_every_phase_change():
     rig = Rig()
     stamps = []
     for now in range(NOW, NOW + 300 * MS, 2 * MS):
-        rig.link.said.phase = "released" if now >= NOW + 150 * MS else "handed_over"
+        rig.link.output.phase = "released" if now >= NOW + 150 * MS else "handed_over"
         stamps += [status.stamp_ns for status in rig.step(now)["vehicle/status"]]
     first = NOW - 4 * MS + STATUS_PERIOD_NS
     assert stamps == [first, NOW + 150 * MS, NOW + 250 * MS]
 
 
-def test_notes_become_events_and_odometry_is_passed_on():
+def test_vehicle_node_publishes_notes_as_events_and_odometry():
     rig = Rig()
-    rig.link.said.notes = [Note("warning", "battery low")]
+    rig.link.output.notes = [Note("warning", "battery low")]
     outs = rig.step(NOW, odometry=True)
     assert [(e.severity, e.source, e.text) for e in outs["event"]] == [("warning", "vehicle_link", "battery low")]
     assert outs["vehicle/odometry"] == [
@@ -156,7 +156,7 @@ def test_notes_become_events_and_odometry_is_passed_on():
 SEEN = "mocap/vehicle", VehicleState(NOW - 5 * MS, (1.0, 2.0, 3.0), (9.0,) * 3, (0.6, 0.8, 0.0, 0.0), (9.0,) * 3)
 
 
-def test_motion_capture_is_passed_on_to_the_autopilot_where_the_rig_says_so():
+def test_motion_capture_is_sent_to_the_autopilot_when_the_rig_enables_it():
     rig = Rig(external_pose=True)
     rig.step(NOW, SEEN)
     assert rig.link.poses[-1] == ExternalPose(NOW - 5 * MS, (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
@@ -184,7 +184,7 @@ class FakeSim:
         )
 
 
-def test_the_device_rides_on_the_board_once_the_magnet_holds():
+def test_simulated_vehicle_moves_with_the_board_once_attached():
     sim = FakeSim()
     node = VehicleDevice(sim)
     board = BoardState(0, (4.0, 5.0, 1.5), (2.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.0, 2.0, 0.3)

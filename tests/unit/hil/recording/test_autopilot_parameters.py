@@ -15,18 +15,18 @@ from hil.recording.runs import Run, RunError, write_json
 NAMES = st.dictionaries(st.sampled_from(["COM_OF_LOSS_T", "MC_ROLL_P", "EKF2_HGT_REF", "MINE"]), st.floats(-1e6, 1e6))
 
 
-def make(root: Path, name: str, *told: dict[str, float], rig: str = "sim") -> Run:
-    """A run folder in which these parameters were told one after the other."""
+def make(root: Path, name: str, *tables: dict[str, float], rig: str = "sim") -> Run:
+    """A run folder in which these parameter tables were recorded one after the other."""
     (root / name).mkdir(parents=True)
     run = Run(root / name)
     write_json(root / name / "manifest.json", {"rig": {"name": rig}, "scenario": {"name": "hard-i"}})
     with Recorder(run.recording) as recorder:
-        for now, held in enumerate(told):
+        for now, held in enumerate(tables):
             recorder(now, ap.TOPIC, VehicleParameters(now, tuple(held), tuple(held.values())))
     return run
 
 
-def test_what_was_told_last_is_in_the_manifest_with_what_is_not_default(tmp_path):
+def test_manifest_holds_the_last_parameters_and_those_not_default(tmp_path):
     run = make(tmp_path, "a", {"COM_OF_LOSS_T": 1.0, "SYS_HAS_MAG": 1.0}, {"COM_OF_LOSS_T": float(np.float32(0.3))})
     ap.note_parameters(run)
     table = run.manifest["autopilot"]
@@ -37,7 +37,7 @@ def test_what_was_told_last_is_in_the_manifest_with_what_is_not_default(tmp_path
         ap.note_parameters(run)
 
 
-def test_a_run_that_never_reached_the_autopilot_stays_as_it_is(tmp_path):
+def test_manifest_is_unchanged_when_the_autopilot_sent_no_parameters(tmp_path):
     run = make(tmp_path, "a")
     ap.note_parameters(run)
     assert ap.of_run(run.manifest) == {}
@@ -52,7 +52,7 @@ def test_a_name_px4_does_not_have_is_not_default(tmp_path):
 
 
 @given(NAMES, NAMES)
-def test_changes_are_what_differs_and_nothing_else(held, before):
+def test_parameter_changes_list_only_differing_values(held, before):
     found = {c.name: (c.value, c.other) for c in ap.changes(held, before)}
     for name in {*held, *before}:
         both = name in held and name in before
@@ -63,7 +63,7 @@ def test_changes_are_what_differs_and_nothing_else(held, before):
 
 
 @given(NAMES)
-def test_the_table_survives_json_and_single_precision(held):
+def test_parameter_table_round_trips_through_json_and_single_precision(held):
     single = {name: float(np.float32(value)) for name, value in held.items()}
     back = ap.of_run(json.loads(json.dumps({ap.TABLE: ap.table(single)}, allow_nan=False)))
     assert ap.changes(back, single) == []
@@ -73,15 +73,15 @@ def test_the_table_survives_json_and_single_precision(held):
     ("damaged", "left"),
     [(None, {}), ([], {}), ({"parameters": 3}, {}), ({"parameters": {"A": "x", "B": True, "C": 1.5}}, {"C": 1.5})],
 )
-def test_a_damaged_table_is_read_as_far_as_it_goes(damaged, left):
+def test_valid_rows_of_a_damaged_parameter_table_are_read(damaged, left):
     assert ap.of_run({"autopilot": damaged}) == left
 
 
-def test_the_last_flight_is_the_newest_of_this_rig_that_tells_any(tmp_path):
-    for name, rig, told in (
+def test_last_flight_is_the_newest_of_the_rig_with_parameters(tmp_path):
+    for name, rig, tables in (
         ("1", "bench", [{"A": 1.0}]), ("2", "bench", [{"A": 2.0}]), ("3", "sim", [{"A": 3.0}]), ("4", "bench", []),
     ):  # fmt: skip
-        ap.note_parameters(make(tmp_path, name, *told, rig=rig))
+        ap.note_parameters(make(tmp_path, name, *tables, rig=rig))
     (tmp_path / "5").mkdir()
     (tmp_path / "5" / "manifest.json").write_text("torn")
     found = ap.last_flight(tmp_path, "bench")

@@ -1,4 +1,4 @@
-"""A recording with single damaged places: the rest comes back, and what is missing is said in seconds and topics."""
+"""A recording with single damaged places: the rest is read, and what is missing is reported in seconds and topics."""
 
 import shutil
 import struct
@@ -49,7 +49,7 @@ def messages(path):
 
 
 @pytest.mark.parametrize("length", [0, 7, 1 << 20, 1 << 40, 2**64 - 1])
-def test_with_an_intact_index_a_damaged_length_costs_nothing(whole, summary, tmp_path, length):
+def test_damaged_length_loses_no_message_with_an_intact_index(whole, summary, tmp_path, length):
     start = small_chunks(summary)[1].chunk_start_offset
     path = damaged(whole, tmp_path, lambda data: set_length(data, start, length))
     assert messages(path) == messages(whole)
@@ -57,7 +57,7 @@ def test_with_an_intact_index_a_damaged_length_costs_nothing(whole, summary, tmp
 
 
 @pytest.mark.parametrize("length", [0, 7, 1 << 20, 1 << 40, 2**64 - 1])
-def test_without_an_index_a_damaged_length_costs_one_block(whole, summary, tmp_path, length):
+def test_damaged_length_loses_one_block_without_an_index(whole, summary, tmp_path, length):
     chunk = small_chunks(summary)[1]
 
     def change(data):
@@ -72,7 +72,7 @@ def test_without_an_index_a_damaged_length_costs_one_block(whole, summary, tmp_p
     assert str(gap) == "truth/board: 100 messages are missing between 0.99 and 2.00 s"
 
 
-def test_a_damaged_message_index_costs_nothing(whole, summary, tmp_path):
+def test_damaged_message_index_loses_no_message(whole, summary, tmp_path):
     chunk = small_chunks(summary)[1]
 
     def change(data):
@@ -95,7 +95,7 @@ def test_damaged_last_blocks_are_counted_by_the_index(whole, summary, tmp_path):
     assert lost["/perch/event"].messages == 1
 
 
-def test_a_flip_in_a_topics_name_drops_no_topic_and_is_told(whole, tmp_path):
+def test_flipped_bit_in_a_topic_name_is_reported_and_loses_no_topic(whole, tmp_path):
     def change(data):
         data[data.index(BOARD.encode()) + 3] ^= 0x01
 
@@ -106,7 +106,7 @@ def test_a_flip_in_a_topics_name_drops_no_topic_and_is_told(whole, tmp_path):
     assert recording.faults == ["the topics' descriptions at its front contradict its index: the index was used"]
 
 
-def test_a_topic_described_nowhere_is_told(whole, tmp_path):
+def test_topic_without_a_description_is_reported(whole, tmp_path):
     def change(data):
         at = data.index(BOARD.encode()) - 8  # its channel's number
         data[at] ^= 0x40
@@ -121,7 +121,7 @@ def test_a_topic_described_nowhere_is_told(whole, tmp_path):
     assert any("a topic that is not described" in fault for fault in recording.faults)
 
 
-def test_recover_says_what_is_missing(whole, summary, tmp_path):
+def test_recover_reports_missing_messages(whole, summary, tmp_path):
     chunk = small_chunks(summary)[1]
 
     def change(data):

@@ -37,7 +37,7 @@ def make(tmp_path):
     return make
 
 
-def test_equal_runs_are_identical_but_for_the_wall_clock(make):
+def test_equal_runs_differ_only_in_the_wall_clock(make):
     difference = diff_runs(make(pictures="preview"), make(pictures="preview"))
     assert difference.identical
     assert difference.lines() == [
@@ -59,7 +59,7 @@ def test_the_first_difference_of_a_topic_names_field_and_size(make):
     assert "messages agree" in difference.lines()[0]
 
 
-def test_one_bit_is_enough(make):
+def test_diff_finds_a_difference_of_one_bit(make):
     def negative_zero(path):
         with Recorder(path, topics=["car/command"]) as recorder:
             recorder(0, "car/command", CarCommand(0, -0.0, 1.5))
@@ -72,7 +72,7 @@ def test_one_bit_is_enough(make):
     assert found.text == "speed is 0.0 and -0.0 (largest difference 0)"
 
 
-def test_time_of_publication_counts(make):
+def test_diff_compares_publication_times(make):
     def late(path):
         with Recorder(path) as recorder:
             for now_ns, topic, message in flight(1.0):
@@ -87,7 +87,7 @@ def test_time_of_publication_counts(make):
     assert (found.topic, found.text) == ("/perch/event", "published at 1000000000 and 1000001000 ns (+0.001 ms)")
 
 
-def test_missing_messages_and_topics_are_told(make):
+def test_diff_reports_missing_messages_and_topics(make):
     texts = {d.topic: d.text for d in diff_runs(make(seconds=2.0), make(seconds=1.0)).topics}
     assert texts["/perch/truth/board"] == "the first run has 100 messages more"
     assert "/perch/event" in texts  # ends at another time
@@ -100,7 +100,7 @@ def test_missing_messages_and_topics_are_told(make):
     assert texts["/perch/belief"] == "only the second run recorded this topic"
 
 
-def test_score_and_manifest_count(make):
+def test_diff_compares_score_and_manifest(make):
     difference = diff_runs(make(), make(seed=8, score={"attached": True, "metrics": {"x": 0.2}}))
     assert difference.same_messages
     assert not difference.identical
@@ -118,7 +118,7 @@ def test_a_truncated_recording_is_not_called_equal(make):
     assert any("second: " in line for line in difference.lines())
 
 
-def test_what_is_no_run_is_refused(make, tmp_path):
+def test_diff_refuses_a_folder_without_a_run(make, tmp_path):
     with pytest.raises(RunError, match="no such run folder"):
         diff_runs(make(), tmp_path / "nothing")
     empty = tmp_path / "empty"

@@ -22,7 +22,7 @@ def outlines(view, picture_ns, detection_ns, corners=CORNERS):
     return ImageAnnotations.FromString(views["/camera/annotations"]) if "/camera/annotations" in views else None
 
 
-def test_no_box_rides_on_a_frame_before_its_first_transform():
+def test_box_is_not_drawn_before_the_first_transform_of_its_frame():
     view, known, drawn = FoxgloveView(pictures="none"), set(), []
     for _, topic, message in flight(2.0):
         for name, data in view(topic, message):

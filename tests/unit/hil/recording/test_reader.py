@@ -16,7 +16,7 @@ def recorded(tmp_path_factory):
     return record(tmp_path_factory.mktemp("run") / "run.mcap", pictures="preview")
 
 
-def test_messages_come_back_typed_and_in_order(recorded):
+def test_reader_returns_typed_messages_in_order(recorded):
     recording = Recording(recorded)
     assert recording.complete
     assert recording.faults == []
@@ -26,7 +26,7 @@ def test_messages_come_back_typed_and_in_order(recorded):
     assert sorted(entries, key=lambda e: (e.log_ns, e.topic)) == sorted(expected, key=lambda e: e[:2])
 
 
-def test_one_topic_and_a_run_folder(recorded):
+def test_reader_filters_by_topic_and_opens_a_run_folder(recorded):
     boards = list(Recording(recorded.parent).messages(["truth/board"]))
     assert len(boards) == 300
     assert all(isinstance(e.message, BoardState) for e in boards)
@@ -47,7 +47,7 @@ def test_a_topic_the_contract_does_not_list_is_refused(recorded):
 
 @given(st.data())
 @settings(max_examples=60)
-def test_cut_anywhere_what_was_flushed_comes_back(recorded, tmp_path_factory, data):
+def test_recording_cut_anywhere_returns_all_flushed_messages(recorded, tmp_path_factory, data):
     whole = recorded.read_bytes()
     full = [(r.topic, r.log_ns, r.data) for r in Recording(recorded).raw()]
     size = data.draw(st.integers(0, len(whole) - 1))
@@ -68,7 +68,7 @@ def test_cut_anywhere_what_was_flushed_comes_back(recorded, tmp_path_factory, da
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=40)
-def test_flipped_bytes_never_bring_a_wrong_message(recorded, tmp_path_factory, seed):
+def test_flipped_bytes_never_give_a_wrong_message(recorded, tmp_path_factory, seed):
     rng = random.Random(seed)
     damaged = bytearray(recorded.read_bytes())
     start = 20_000  # behind the topics' descriptions
@@ -81,7 +81,7 @@ def test_flipped_bytes_never_bring_a_wrong_message(recorded, tmp_path_factory, s
     assert {(r.topic, r.log_ns, r.data) for r in recording.raw()} <= full
 
 
-def test_one_damaged_block_costs_only_itself(recorded, tmp_path):
+def test_damaged_block_loses_only_its_own_messages(recorded, tmp_path):
     with recorded.open("rb") as file:
         chunk = make_reader(file).get_summary().chunk_indexes[0]
     damaged = bytearray(recorded.read_bytes())
@@ -105,14 +105,14 @@ def test_one_damaged_block_costs_only_itself(recorded, tmp_path):
         (b"\x89MCAP0\r\n" + b"\xff" * 500, "not a recording of perch-hil"),
     ],
 )
-def test_other_bytes_are_a_clear_error(tmp_path, content, message):
+def test_file_that_is_not_mcap_raises_a_clear_error(tmp_path, content, message):
     path = tmp_path / "run.mcap"
     path.write_bytes(content)
     with pytest.raises(ReadError, match=message):
         Recording(path)
 
 
-def test_a_missing_file_is_a_clear_error(tmp_path):
+def test_missing_recording_raises_a_clear_error(tmp_path):
     with pytest.raises(ReadError, match="cannot be read"):
         Recording(tmp_path / "run.mcap")
 
@@ -129,18 +129,18 @@ def foreign(path, topics, compression=CompressionType.NONE):
     return path
 
 
-def test_a_foreign_mcap_is_a_clear_error(tmp_path):
+def test_mcap_of_another_program_raises_a_clear_error(tmp_path):
     with pytest.raises(ReadError, match=r"an MCAP file, but not a recording of perch-hil \(topics: /chatter\)"):
         Recording(foreign(tmp_path / "other.mcap", ["/chatter"]))
 
 
-def test_what_is_no_message_of_ours_on_our_topic_is_left_out_and_told(tmp_path):
+def test_foreign_message_on_a_contract_topic_is_skipped_and_reported(tmp_path):
     recording = Recording(foreign(tmp_path / "odd.mcap", ["/other", "/perch/truth/board"]))
     assert list(recording.messages(["truth/board"])) == []
     assert "perch.BoardState" in recording.faults[0]
 
 
-def test_our_messages_rewritten_by_another_tool_still_read(recorded, tmp_path):
+def test_messages_rewritten_by_another_tool_can_be_read(recorded, tmp_path):
     path = tmp_path / "rewritten.mcap"
     writer = Writer(str(path), compression=CompressionType.NONE, chunk_size=1 << 16)
     writer.start()

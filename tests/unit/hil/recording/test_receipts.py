@@ -1,4 +1,4 @@
-"""Receipts say exactly what each step consumed, and a replay on them finds what has changed and only that."""
+"""Receipts record what each step consumed, and a replay with them finds every change and no other."""
 
 import json
 from dataclasses import replace
@@ -75,26 +75,26 @@ def test_receipts_count_every_message_once_and_in_order(run):
     assert all(step.consumed[0] == len(step.consumed) - 1 for step in steps)
 
 
-def test_todays_code_unchanged_differs_in_nothing(run):
+def test_replay_with_unchanged_code_has_no_differences(run):
     found = replayed(run, Summer())
     assert (found.differing, found.first) == (0, "")
     assert found.compared == 31
 
 
-def test_a_changed_node_is_found_with_place_and_size(run):
+def test_replay_reports_place_and_size_of_a_changed_output(run):
     found = replayed(run, Summer(gain=1.5))
     assert found.differing > 20
     assert "position was" in found.first
     assert found.largest > 1.0
 
 
-def test_tolerance_and_ignored_fields_excuse_a_difference(run):
+def test_replay_accepts_differences_within_tolerance_or_in_ignored_fields(run):
     assert replayed(run, Summer(gain=1.0 + 1e-9), tolerance=1e-6).differing == 0
     assert replayed(run, Summer(gain=1.0 + 1e-9)).differing > 0
     assert replayed(run, Summer(gain=2.0), ignored=["belief.position"]).differing == 0
 
 
-def test_a_node_that_publishes_less_than_then_is_found(run):
+def test_replay_reports_a_node_that_publishes_fewer_messages(run):
     class Lazy(Summer):
         def step(self, now_ns, inbox):
             return super().step(now_ns, inbox) if now_ns < 200_000_000 else []
@@ -104,17 +104,17 @@ def test_a_node_that_publishes_less_than_then_is_found(run):
     assert "messages more" in found.first
 
 
-def test_inputs_the_recorder_never_got_are_told(run):
+def test_replay_reports_inputs_missing_in_the_recording(run):
     found = replayed(run, Summer(), numbers={"vehicle/odometry": {"first": 0, "missing": [5]}})
     assert found.differing > 0
 
 
-def test_a_book_that_cannot_be_written_is_a_recording_error(tmp_path):
+def test_unwritable_receipts_raise_a_recording_error(tmp_path):
     with pytest.raises(RecordingError, match="receipts"):
         ReceiptBook(tmp_path / "nowhere" / "receipts.mcap", [])
 
 
-def test_a_cut_off_book_gives_what_it_had(run):
+def test_truncated_receipts_can_be_read_up_to_the_cut(run):
     path = run / "receipts.mcap"
     book = ReceiptBook(run / "receipts-cut.mcap", [Summer()])
     for number in range(3000):
@@ -126,7 +126,7 @@ def test_a_cut_off_book_gives_what_it_had(run):
     book.close()
 
 
-def test_numbers_that_are_no_numbers_are_never_within_tolerance():
+def test_nan_is_never_within_tolerance():
     action = m.Action(1, True, (0.0, 0.0, 0.0), 9.8, "go", 0, 1.0)
     nan = replace(action, thrust=float("nan"))
     assert _difference("policy/action", action, nan, set(), 1e9) is not None
@@ -134,7 +134,7 @@ def test_numbers_that_are_no_numbers_are_never_within_tolerance():
     assert _difference("policy/action", action, replace(action, phase="wait"), set(), 1e9) is not None
 
 
-def test_what_was_never_recorded_is_not_compared():
+def test_replay_does_not_compare_unrecorded_topics():
     action = m.Action(1, True, (0.0, 0.0, 0.0), 9.8, "go", 0, 1.0)
     found = _compare("policy", "policy/action", {1: action}, [(0, action), (1, action)], set(), 0.0, 0)
     assert (found.compared, found.differing) == (1, 0)

@@ -46,7 +46,7 @@ def rotation(q):
     )
 
 
-def test_the_official_reader_accepts_it_with_all_checksums(recorded):
+def test_official_mcap_reader_accepts_the_recording_with_all_checksums(recorded):
     with recorded.open("rb") as file:
         for _ in StreamReader(file, validate_crcs=True).records:
             pass
@@ -62,7 +62,7 @@ def test_the_official_reader_accepts_it_with_all_checksums(recorded):
     assert boards == [message for _, topic, message in flight() if topic == "truth/board"]
 
 
-def test_small_topics_can_be_read_without_touching_a_picture(recorded):
+def test_pictures_have_chunks_of_their_own(recorded):
     with recorded.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -88,18 +88,18 @@ def test_transforms_place_vehicle_camera_and_boards(recorded):
     assert pairs == {("world", "vehicle"), ("vehicle", "camera"), ("world", "board"), ("world", "board_belief")}
 
 
-def test_views_are_thinned_to_50_hz(recorded):
+def test_view_topics_are_thinned_to_50_hz(recorded):
     for topic in ("/vehicle/pose", "/board/pose", "/belief/pose"):
         stamps = [log_ns for log_ns, _ in views(recorded, topic, PoseInFrame)]
         assert min(np.diff(stamps)) >= 20_000_000
     assert len(views(recorded, "/vehicle/pose", PoseInFrame)) == 150  # the truth, not motion capture as well
 
 
-def test_a_belief_that_is_not_valid_is_not_shown(recorded):
+def test_invalid_belief_is_not_shown(recorded):
     assert views(recorded, "/belief/pose", PoseInFrame)[0][0] > 500_000_000
 
 
-def test_preview_pictures_are_half_size_and_rare_and_their_calibration_fits(recorded):
+def test_preview_pictures_are_half_size_at_a_low_rate_with_matching_calibration(recorded):
     pictures = views(recorded, "/camera/image", CompressedImage)
     assert min(np.diff([log_ns for log_ns, _ in pictures])) >= 66_000_000
     assert len(pictures) >= 3 * 12
@@ -118,7 +118,7 @@ def test_preview_pictures_are_half_size_and_rare_and_their_calibration_fits(reco
 
 
 @pytest.mark.parametrize(("mode", "count", "shape"), [("none", 0, None), ("all", 50, (720, 1280))])
-def test_other_modes_of_pictures(tmp_path, mode, count, shape):
+def test_picture_modes_other_than_preview_are_recorded(tmp_path, mode, count, shape):
     path = record(tmp_path / "run.mcap", pictures=mode, seconds=1.0)
     pictures = views(path, "/camera/image", CompressedImage)
     assert len(pictures) == count
@@ -146,14 +146,14 @@ def test_the_camera_looks_forward_and_down(tilt):
     assert r[:, 1] == pytest.approx([-math.sin(tilt), 0.0, -math.cos(tilt)])  # down
 
 
-def test_the_believed_board_has_the_house_normal():
+def test_board_of_the_belief_has_the_normal_of_the_layout():
     heading, inclination = 0.4, math.radians(70)
     normal = rotation(belief_orientation(heading, inclination))[:, 2]
     back = -math.sin(inclination)
     assert normal == pytest.approx([back * math.cos(heading), back * math.sin(heading), math.cos(inclination)])
 
 
-def test_what_cannot_be_recorded_is_an_error_at_once(tmp_path):
+def test_unrecordable_message_raises_at_once(tmp_path):
     with pytest.raises(RecordingError, match="No such file or directory"):
         Recorder(tmp_path / "missing" / "run.mcap")
     (tmp_path / "run.mcap").write_bytes(b"")
@@ -166,7 +166,7 @@ def test_what_cannot_be_recorded_is_an_error_at_once(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_told(tmp_path, monkeypatch):
+def test_full_disk_is_reported(tmp_path, monkeypatch):
     recorder = Recorder(tmp_path / "run.mcap")
     monkeypatch.setattr(recorder._writer, "_file", open("/dev/full", "wb", buffering=0))  # noqa: SIM115, PTH123
     with pytest.raises(RecordingError, match="No space left"):
@@ -210,5 +210,5 @@ def test_a_killed_process_loses_at_most_a_second(tmp_path):
     assert views(path, "/camera/image", CompressedImage)[-1][0] >= 3_700_000_000
 
 
-def test_metadata_travels_and_holds_no_clock(recorded):
+def test_metadata_is_recorded_and_has_no_clock_value(recorded):
     assert json.loads(json.dumps(Recording(recorded).metadata)) == {"perch-hil": {"format": "1", "scenario": "hard-i"}}

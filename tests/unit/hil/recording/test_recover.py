@@ -39,7 +39,7 @@ def messages(path):
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8, 0.95])
-def test_a_cut_recording_becomes_a_whole_one_with_every_readable_message(run, whole, share):
+def test_recover_keeps_every_readable_message_of_a_truncated_recording(run, whole, share):
     kept = cut(run, share)
     readable = messages(run)
     done = recover(run, NOW)
@@ -54,7 +54,7 @@ def test_a_cut_recording_becomes_a_whole_one_with_every_readable_message(run, wh
     assert after.metadata == Recording(whole).metadata
 
 
-def test_other_tools_read_what_was_recovered(run):
+def test_recovered_recording_can_be_read_by_other_tools(run):
     from mcap.reader import make_reader
 
     cut(run, 0.6)
@@ -68,7 +68,7 @@ def test_other_tools_read_what_was_recovered(run):
         assert sum(1 for _ in reader.iter_messages()) == done.messages
 
 
-def test_the_manifest_says_what_was_done_and_no_longer_running(run):
+def test_recover_notes_itself_in_the_manifest_and_ends_the_running_state(run):
     cut(run, 0.5)
     recover(run, NOW)
     manifest = json.loads((run / "manifest.json").read_text())
@@ -78,7 +78,7 @@ def test_the_manifest_says_what_was_done_and_no_longer_running(run):
     assert manifest["recovered"]["faults"]
 
 
-def test_a_whole_recording_is_left_alone(run):
+def test_recover_does_not_change_a_complete_recording(run):
     before = (run / "run.mcap").read_bytes()
     done = recover(run, NOW)
     assert (done.original, done.faults) == (None, ())
@@ -86,7 +86,7 @@ def test_a_whole_recording_is_left_alone(run):
     assert json.loads((run / "manifest.json").read_text()) == {"state": "running"}
 
 
-def test_a_damaged_block_in_the_middle_is_left_out(run):
+def test_recover_skips_a_damaged_block(run):
     data = bytearray((run / "run.mcap").read_bytes())
     middle = len(data) // 2
     data[middle : middle + 200] = bytes(200)
@@ -97,7 +97,7 @@ def test_a_damaged_block_in_the_middle_is_left_out(run):
     assert recover(run, NOW).messages == count
 
 
-def test_an_original_is_never_overwritten(run, whole):
+def test_recover_never_overwrites_the_original(run, whole):
     first = cut(run, 0.8)
     recover(run, NOW)
     second = cut(run, 0.7)
@@ -107,33 +107,33 @@ def test_an_original_is_never_overwritten(run, whole):
     assert (run / "run.truncated-2.mcap").read_bytes() == second
 
 
-def test_a_run_that_is_still_being_written_is_refused(tmp_path, run):
+def test_recover_refuses_a_run_still_being_written(tmp_path, run):
     (run / "run.mcap").unlink()
     with Recorder(run / "run.mcap"), pytest.raises(RecoverError, match="has it open"):
         recover(run, NOW)
 
 
 @pytest.mark.parametrize(
-    ("content", "says"), [(b"", "is empty"), (b"rubbish" * 100, "no MCAP"), (None, "cannot be read")]
+    ("content", "message"), [(b"", "is empty"), (b"rubbish" * 100, "no MCAP"), (None, "cannot be read")]
 )
-def test_what_is_no_recording_is_refused_and_nothing_changes(run, content, says):
+def test_recover_refuses_a_file_that_is_not_a_recording_without_changes(run, content, message):
     (run / "run.mcap").unlink()
     if content is not None:
         (run / "run.mcap").write_bytes(content)
     before = sorted(path.name for path in run.iterdir())
-    with pytest.raises(RecoverError, match=says):
+    with pytest.raises(RecoverError, match=message):
         recover(run, NOW)
     assert sorted(path.name for path in run.iterdir()) == before
 
 
-def test_a_recording_without_one_readable_message_is_refused(run):
+def test_recover_refuses_a_recording_without_a_readable_message(run):
     data = (run / "run.mcap").read_bytes()
     (run / "run.mcap").write_bytes(data[:6000])
     with pytest.raises(RecoverError, match="not one message"):
         recover(run, NOW)
 
 
-def test_a_folder_that_is_no_run_is_refused(tmp_path):
+def test_recover_refuses_a_folder_without_a_run(tmp_path):
     with pytest.raises(RecoverError, match="no run folder"):
         recover(tmp_path, NOW)
     with pytest.raises(RecoverError, match="no such run"):

@@ -29,7 +29,7 @@ def make(root, **changes):
     return new_run(root, **arguments)
 
 
-def test_a_run_is_born_with_its_manifest(tmp_path):
+def test_new_run_has_a_manifest(tmp_path):
     run = make(tmp_path / "runs", more={"drawn": {"distance": 2.0}})
     assert run.path.name == "20260102T030405Z_hard-i_sim-seed7"
     manifest = run.manifest
@@ -45,7 +45,7 @@ def test_a_run_is_born_with_its_manifest(tmp_path):
     assert run.score is None
 
 
-def test_runs_of_one_second_get_folders_of_their_own(tmp_path):
+def test_runs_started_in_the_same_second_get_different_folders(tmp_path):
     with ThreadPoolExecutor(4) as pool:
         runs = list(pool.map(lambda _: make(tmp_path), range(8)))
     assert len({run.path for run in runs}) == 8
@@ -83,7 +83,7 @@ def test_uncommitted_changes_are_kept(tmp_path):
     assert code["untracked"] == {"hil/new.py": "c" * 64}
 
 
-def test_nothing_is_made_when_something_is_missing(tmp_path):
+def test_run_folder_is_not_created_without_complete_provenance(tmp_path):
     root = tmp_path / "runs"
     with pytest.raises(ProvenanceError, match="names of its scenario and of its policy"):
         make(root, policy={})
@@ -92,13 +92,13 @@ def test_nothing_is_made_when_something_is_missing(tmp_path):
     assert not root.exists()
 
 
-def test_a_root_that_is_a_file_is_a_clear_error(tmp_path):
+def test_root_that_is_a_file_raises_a_clear_error(tmp_path):
     (tmp_path / "runs").write_text("")
     with pytest.raises(RunError, match="cannot make a run folder"):
         make(tmp_path / "runs")
 
 
-def test_a_policy_file_is_named_by_its_content(tmp_path):
+def test_policy_file_is_identified_by_its_checksum(tmp_path):
     path = tmp_path / "mine.onnx"
     path.write_bytes(b"weights")
     assert policy_identity("planner") == {"name": "planner"}
@@ -110,7 +110,7 @@ def test_a_policy_file_is_named_by_its_content(tmp_path):
     assert policy_identity(str(path))["sha256"] != identity["sha256"]
 
 
-def test_opening_what_is_no_run(tmp_path):
+def test_opening_a_folder_without_a_run_raises(tmp_path):
     (tmp_path / "file.mcap").write_bytes(b"")
     with pytest.raises(RunError, match="is a file: give the run's folder"):
         open_run(tmp_path / "file.mcap")
@@ -124,7 +124,7 @@ def test_opening_what_is_no_run(tmp_path):
     assert list_runs(tmp_path / "nothing") == []
 
 
-def test_json_is_written_whole_or_not_at_all(tmp_path):
+def test_json_is_written_atomically(tmp_path):
     path = tmp_path / "score.json"
     write_json(path, {"a": 1})
     with pytest.raises(ValueError, match="JSON"):
@@ -146,12 +146,12 @@ def repository(tmp_path):
     return tmp_path
 
 
-def test_a_clean_checkout_is_its_commit(repository):
+def test_clean_checkout_is_identified_by_its_commit(repository):
     code = provenance.code(repository)
     assert (code.source, code.dirty, len(code.commit)) == ("git", False, 40)
 
 
-def test_changes_and_new_code_make_it_dirty_but_new_runs_do_not(repository):
+def test_changed_or_new_code_makes_a_checkout_dirty_and_new_runs_do_not(repository):
     (repository / "runs").mkdir()
     (repository / "runs" / "run.mcap").write_text("data")
     assert not provenance.code(repository).dirty
@@ -162,7 +162,7 @@ def test_changes_and_new_code_make_it_dirty_but_new_runs_do_not(repository):
     assert b"+two" in provenance.code(repository).patch
 
 
-def test_a_checkout_without_a_commit_or_git_fails_closed(tmp_path, monkeypatch):
+def test_checkout_without_a_commit_or_git_raises(tmp_path, monkeypatch):
     subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
     with pytest.raises(ProvenanceError, match="git could not tell the origin"):
         provenance.code(tmp_path)
@@ -171,7 +171,7 @@ def test_a_checkout_without_a_commit_or_git_fails_closed(tmp_path, monkeypatch):
         provenance.code(tmp_path)
 
 
-def test_outside_git_the_package_speaks_and_says_so(tmp_path):
+def test_provenance_outside_git_is_that_of_the_package_and_noted(tmp_path):
     code = provenance.code(tmp_path)
     assert (code.source, code.version) == ("package", "0.1.0")
     assert "not run from a git checkout" in code.manifest()["note"]

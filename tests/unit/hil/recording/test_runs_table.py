@@ -66,7 +66,7 @@ def names(found):
     return "".join(row.run for row in found)
 
 
-def test_every_run_has_one_verdict_and_a_damaged_one_hides_no_other(root):
+def test_every_run_has_one_verdict_beside_a_damaged_run(root):
     assert {row.run: row.verdict for row in rows(root)} == {
         "1": "perched",
         "2": "attached, outside tolerance",
@@ -77,7 +77,7 @@ def test_every_run_has_one_verdict_and_a_damaged_one_hides_no_other(root):
         "7": "damaged",
         "8": "damaged",
         "9": "missed",  # within tolerance, but the magnet did not hold
-        "A": "incomplete",  # interrupted: its verdict says nothing about the policy
+        "A": "incomplete",  # interrupted: its verdict is no measure of the policy
     }
 
 
@@ -97,11 +97,11 @@ def test_every_run_has_one_verdict_and_a_damaged_one_hides_no_other(root):
         ({"scenario": "hard-i", "verdict": "missed"}, "39"),
     ],
 )
-def test_filters(root, filters, left):
+def test_runs_are_selected_by_filters(root, filters, left):
     assert names(select(rows(root), **filters)) == left
 
 
-def test_a_verdict_there_is_none_of_is_refused(root):
+def test_unknown_verdict_filter_is_refused(root):
     with pytest.raises(ValueError, match='did you mean "perched"'):
         select(rows(root), verdict="perchd")
 
@@ -122,7 +122,7 @@ def test_a_csv_cell_that_begins_like_a_formula_is_text(tmp_path, name):
     assert (read["policy"], read["planar_m"]) == (f"'{name}", "-0.5")
 
 
-def test_names_from_elsewhere_neither_steer_the_terminal_nor_are_markup():
+def test_names_in_the_table_are_escaped_for_terminal_and_markup():
     console = Console(file=io.StringIO(), width=200, force_terminal=False)
     console.print(table([Row("a\x1b[2J\x1b]0;title\x07", policy="[red]p\x9b31m", verdict="perched")]))
     text = console.file.getvalue()
@@ -145,12 +145,12 @@ def test_parquet_without_pyarrow_is_one_clear_line(root, tmp_path, monkeypatch):
         write_parquet(tmp_path / "t.parquet", rows(root))
 
 
-def test_a_table_that_cannot_be_written_says_so(root, tmp_path):
+def test_unwritable_table_raises_a_clear_error(root, tmp_path):
     with pytest.raises(TableError, match="cannot be written"):
         write_csv(tmp_path / "no" / "t.csv", rows(root))
 
 
-def test_the_table_fits_eighty_columns(root):
+def test_runs_table_fits_80_columns(root):
     console = Console(width=80, record=True, force_terminal=False)
     console.print(table(rows(root)))
     assert max(map(len, console.export_text().splitlines())) <= 80
@@ -163,25 +163,25 @@ class TestCommand:
     def call(self, *arguments):
         return CliRunner().invoke(self.app, ["runs", *map(str, arguments)])
 
-    def test_lists_filters_and_exports(self, root, tmp_path):
+    def test_runs_command_lists_filters_and_exports(self, root, tmp_path):
         result = self.call(root, "--verdict", "perched", "--csv", tmp_path / "t.csv")
         assert result.exit_code == 0
         assert "1 run in" in result.output
         assert len((tmp_path / "t.csv").read_text().splitlines()) == 2
 
-    def test_no_runs_are_no_error(self, tmp_path):
+    def test_runs_command_without_runs_is_not_an_error(self, tmp_path):
         result = self.call(tmp_path / "none")
         assert (result.exit_code, "0 runs" in result.output) == (0, True)
 
-    def test_mistakes_have_their_exit_codes(self, root, tmp_path, monkeypatch):
+    def test_runs_command_errors_have_their_exit_codes(self, root, tmp_path, monkeypatch):
         assert self.call(root, "--verdict", "x").exit_code == 2
         monkeypatch.setitem(sys.modules, "pyarrow", None)
         assert self.call(root, "--parquet", tmp_path / "t").exit_code == 3
 
-    def test_recover_says_what_is_no_run(self, tmp_path):
+    def test_recover_command_names_a_folder_without_a_run(self, tmp_path):
         result = CliRunner().invoke(self.app, ["recover", str(tmp_path)])
         assert (result.exit_code, "no run folder" in result.output) == (2, True)
 
 
-def test_verdicts_offered_are_those_there_are(root):
+def test_every_verdict_of_the_rows_is_a_known_one(root):
     assert {row.verdict for row in rows(root)} <= set(runs_table.VERDICTS)

@@ -32,7 +32,7 @@ def runs(golden, tmp_path):
     return made
 
 
-def test_counts_with_their_exact_interval(runs, tmp_path):
+def test_campaign_page_shows_counts_with_exact_intervals(runs, tmp_path):
     out = write_report(runs, out=tmp_path / "c.html")
     text = Page(out.read_text()).text
     low, high = (round(100 * p) for p in interval(3, 4))
@@ -76,7 +76,7 @@ def change(run, **tables):
     (run / "manifest.json").write_text(json.dumps(manifest))
 
 
-def test_policies_are_counted_apart_and_compared_on_their_common_seeds(runs, tmp_path):
+def test_policies_are_counted_separately_and_compared_on_common_seeds(runs, tmp_path):
     for seed in range(4):
         other = shutil.copytree(runs[seed], runs[seed].parent / f"other-{seed}")
         change(other, policy={"name": "mine.onnx", "sha256": "abcdef0123456789"})
@@ -89,14 +89,14 @@ def test_policies_are_counted_apart_and_compared_on_their_common_seeds(runs, tmp
     assert "of 4 seeds 3 gained, 1 lost" in text
 
 
-def test_pictures_and_the_paper_s_model_of_them_are_counted_apart(runs, tmp_path):
+def test_runs_with_pictures_and_with_the_camera_model_are_counted_separately(runs, tmp_path):
     manifest = json.loads((runs[0] / "manifest.json").read_text())
     change(runs[0], rig={"camera": {**manifest["rig"]["camera"], "source": "model"}})
     text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
     assert "sim, model planner 1 of 1" in text and "sim, pictures planner 2 of 3" in text
 
 
-def test_runs_of_different_code_and_repeated_seeds_are_said(runs, tmp_path):
+def test_campaign_page_reports_different_code_and_repeated_seeds(runs, tmp_path):
     change(runs[1], code={"commit": "1234567890abcdef", "dirty": False}, seed=0)
     text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
     assert "These runs are of different code: 1234567890, " in text
@@ -111,13 +111,13 @@ def test_simulated_and_real_are_never_counted_together(runs, tmp_path):
     assert "2 of 3" in text and "(real vehicle, planner)" in text
 
 
-def test_no_verdict_at_all(runs):
+def test_campaign_without_a_verdict_is_refused(runs):
     for run in runs:
         (run / "score.json").unlink()
     with pytest.raises(ValueError, match="none of the 6 runs has a verdict"):
         write_report(runs)
 
 
-def test_compare_takes_one_run(runs):
+def test_compare_of_a_campaign_is_refused(runs):
     with pytest.raises(ValueError, match="--compare puts one run beside another"):
         write_report(runs, runs[0])

@@ -27,7 +27,7 @@ def plotted(actions):
     return table, plots
 
 
-def test_both_are_drawn_where_a_law_acted():
+def test_asked_and_changed_commands_are_drawn_where_guidance_acted():
     table, plots = plotted([
         action(0, 1.0, 9.0, asked_rate=(1.0, 0.0, 0.0), asked_thrust=9.0),
         action(10, 2.0, 9.0, asked_rate=(0.5, 0.0, 0.0), asked_thrust=9.0, laws=ALIGNED),
@@ -39,7 +39,7 @@ def test_both_are_drawn_where_a_law_acted():
     assert counts == {"terminal attitude alignment": 2, "time-to-go flare": 0, "impact-speed limit": 1}
 
 
-def test_recording_without_guidance_shows_what_was_asked():
+def test_recording_without_guidance_shows_the_asked_command():
     codec = Codec(Action)
     older = [codec.decode(codec.encode(action(ms, 1.0, 9.0))) for ms in (0, 10)]
     table, plots = plotted(older)

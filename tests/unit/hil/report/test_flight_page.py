@@ -24,14 +24,14 @@ def full(golden):
     return Page(page.render([load(golden)]))
 
 
-def test_every_section_and_every_plot_is_there(full):
+def test_flight_page_has_every_section_and_plot(full):
     assert [i for i in full.ids if i in SECTIONS] == SECTIONS
     assert [p["key"] for p in full.data["plots"]] == PLOTS
     assert {p["id"] for p in full.data["plots"]} <= set(full.ids)
     assert "Nothing: every topic of the contract has messages, and every plot is drawn." in full.text
 
 
-def test_verdict_first_then_the_papers_row(full, golden):
+def test_flight_page_begins_with_the_verdict_and_the_published_row(full, golden):
     score = json.loads((golden / "score.json").read_text())
     assert full.text.index("Perched") < full.text.index("The paper's row")
     assert f"{score['metrics']['planar']:.3f} m" in full.text
@@ -41,7 +41,7 @@ def test_verdict_first_then_the_papers_row(full, golden):
     assert "The recording is incomplete" not in full.text
 
 
-def test_plots_hold_what_was_recorded(full, golden):
+def test_plots_equal_the_recorded_values(full, golden):
     recorded = load(golden)
     t, y = full.series("rho", "rho")
     belief = recorded.topics["belief"]
@@ -76,7 +76,7 @@ def test_touchdown_agrees_with_the_referee(golden):
     assert np.degrees(seen.normal_error[i]) == pytest.approx(metrics["normal_alignment_deg"], abs=1.0)
 
 
-def test_marks_and_phases_are_on_the_axis(full):
+def test_time_axis_has_marks_and_phases(full):
     axis = full.data["flights"][0]
     assert any(label == "contact" and t == axis["decided"] for t, _, _, label in axis["marks"])
     assert any("stage attempt" in text and t == 0.0 for t, _, text, _ in axis["marks"])
@@ -86,14 +86,14 @@ def test_marks_and_phases_are_on_the_axis(full):
     assert starts == sorted(starts)
 
 
-def test_key_frames_with_the_tags_outlined(full):
+def test_key_frames_show_outlined_tags(full):
     frames = full.html[full.html.index('id="frames"') : full.html.index('id="motion"')]
     assert frames.count("data:image/jpeg") >= 2
     assert "<polygon" in frames
     assert "first detection" in frames and "last picture before contact" in frames
 
 
-def test_it_is_small(full):
+def test_flight_page_size_is_bounded(full):
     pictures = sum(len(part.split('"')[0]) for part in full.html.split("data:image/jpeg;base64,")[1:])
     attempt_s = full.data["flights"][0]["home"][1]
     plots = sum(map(len, full.data["arrays"]))
@@ -102,7 +102,7 @@ def test_it_is_small(full):
     assert pictures < 200_000
 
 
-def test_two_flights_side_by_side(golden, copied):
+def test_page_of_two_flights_shows_both(golden, copied):
     score = json.loads((copied / "score.json").read_text())
     score["attached"] = False
     (copied / "score.json").write_text(json.dumps(score))
@@ -111,10 +111,10 @@ def test_two_flights_side_by_side(golden, copied):
     assert len(both.data["flights"]) == 2
     assert "Perched" in both.text
     assert "Missed: within tolerance, but not attached" in both.text
-    assert "DIFFERS" in both.text  # the second score.json is not what its recording says
+    assert "DIFFERS" in both.text  # the second score.json differs from its recording
 
 
-def test_default_places(copied, tmp_path, golden):
+def test_report_is_written_to_its_default_path(copied, tmp_path, golden):
     assert write_report([copied]) == copied / "report.html"
     assert write_report([copied], golden) == copied / "report_vs_simple-ii.html"
     target = tmp_path / "mine.html"
@@ -123,7 +123,7 @@ def test_default_places(copied, tmp_path, golden):
     assert not list(copied.glob(".*"))
 
 
-def test_what_a_run_is_called_is_no_markup(copied):
+def test_names_of_a_run_are_escaped_in_html(copied):
     manifest = json.loads((copied / "manifest.json").read_text())
     manifest["policy"]["name"] = "<script>alert(1)</script>"
     manifest["rig"]["title"] = '"><img src=x>'
@@ -134,7 +134,7 @@ def test_what_a_run_is_called_is_no_markup(copied):
     Page(html)
 
 
-def test_late_steps_of_a_live_run(copied):
+def test_live_run_report_shows_late_steps(copied):
     pace = {"steps": 900, "late": 7, "missed": 2, "worst_ns": 12_500_000, "busy_ns": 5}
     table = {"services": {"brain": {"nodes": {"policy": pace}, "lost": {"belief": 3}, "dropped": {}}}}
     (copied / "live.json").write_text(json.dumps({**table, "remarks": ["the camera came late"]}))
@@ -143,7 +143,7 @@ def test_late_steps_of_a_live_run(copied):
     assert "the camera came late" in text
 
 
-def test_a_live_run_without_its_numbers_says_so(copied):
+def test_live_run_without_live_summary_is_reported(copied):
     manifest = json.loads((copied / "manifest.json").read_text())
     (copied / "manifest.json").write_text(json.dumps({**manifest, "host": "live"}))
     assert "late and missed steps of each node no live.json" in Page(page.render([load(copied)])).text

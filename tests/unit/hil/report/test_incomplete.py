@@ -1,4 +1,4 @@
-"""Reports of recordings that lack something: it is said, and what is there is shown."""
+"""Reports of incomplete recordings: missing parts are named, the rest is shown."""
 
 import json
 import shutil
@@ -61,7 +61,7 @@ def test_truncated_recording_with_a_score_keeps_the_verdict(copied):
 
 @settings(max_examples=12)
 @given(keep=st.floats(0.0, 1.0))
-def test_cut_anywhere_gives_a_report_or_one_clear_line(golden, tmp_path_factory, keep):
+def test_recording_cut_anywhere_gives_a_report_or_a_one_line_error(golden, tmp_path_factory, keep):
     run = shutil.copytree(golden, tmp_path_factory.mktemp("cut") / "run")
     cut(run, keep)
     try:
@@ -90,24 +90,24 @@ LOST = {
 
 
 @pytest.mark.parametrize("topics", LOST)
-def test_a_missing_topic_is_named_with_the_plots_it_costs(copied, topics):
+def test_missing_topic_is_named_with_its_missing_plots(copied, topics):
     without(copied, *topics.split())
     report = Page(page.render([load(copied)]))
-    told = report.text[report.text.index("What is missing") : report.text.index("Provenance identity")]
+    listed = report.text[report.text.index("What is missing") : report.text.index("Provenance identity")]
     for topic in topics.split():
-        assert topic in told
+        assert topic in listed
     for plot in LOST[topics]:
-        assert plot in told
+        assert plot in listed
 
 
-def test_motion_capture_stands_in_for_truth(copied):
+def test_report_uses_motion_capture_without_truth(copied):
     without(copied, "truth/vehicle", "truth/board")
     report = Page(page.render([load(copied)]))
     assert "mocap/vehicle and mocap/board" in report.text
     assert "speed" in {p["key"] for p in report.data["plots"]}
 
 
-def test_every_topic_alone_gives_a_report(golden, tmp_path):
+def test_report_of_any_single_topic_is_written(golden, tmp_path):
     for topic in TOPICS:
         run = shutil.copytree(golden, tmp_path / topic.replace("/", "-"))
         without(run, *(t for t in TOPICS if t != topic))
@@ -119,7 +119,7 @@ def test_every_topic_alone_gives_a_report(golden, tmp_path):
             Page(page.render([recorded]))
 
 
-def test_a_bare_recording(golden, tmp_path):
+def test_report_of_a_recording_without_a_run_folder_is_written(golden, tmp_path):
     shutil.copy(golden / "run.mcap", tmp_path / "found.mcap")
     report = Page(page.render([load(tmp_path / "found.mcap")]))
     assert "no manifest beside this recording" in report.text
@@ -127,7 +127,7 @@ def test_a_bare_recording(golden, tmp_path):
     assert "origin unknown" in report.text
 
 
-def test_a_manifest_of_another_version(copied):
+def test_report_accepts_a_manifest_of_another_version(copied):
     manifest = json.loads((copied / "manifest.json").read_text())
     manifest["scenario"] = {"name": "simple-ii", "from": "the future"}
     (copied / "manifest.json").write_text(json.dumps(manifest))
@@ -150,7 +150,7 @@ def test_parameters_that_are_not_default_are_listed(copied):
     assert "SYS_HAS_MAG" not in default and "SYS_HAS_MAG 1.0" in text
 
 
-def test_without_autopilot_parameters_the_report_says_so(copied):
+def test_report_states_missing_autopilot_parameters(copied):
     manifest = json.loads((copied / "manifest.json").read_text())
     manifest.pop("autopilot", None)
     (copied / "manifest.json").write_text(json.dumps(manifest))
@@ -177,7 +177,7 @@ def garbage(path):
 
 
 @pytest.mark.parametrize(("make", "why"), [(foreign, "not a recording"), (empty, "is empty"), (garbage, "no MCAP")])
-def test_what_is_no_recording_is_one_line(tmp_path, make, why):
+def test_file_that_is_not_a_recording_is_a_one_line_error(tmp_path, make, why):
     make(tmp_path / "x.mcap")
     with pytest.raises(ReadError, match=why) as caught:
         write_report([tmp_path / "x.mcap"])
@@ -185,7 +185,7 @@ def test_what_is_no_recording_is_one_line(tmp_path, make, why):
     assert [p.name for p in tmp_path.iterdir()] == ["x.mcap"]
 
 
-def test_what_is_no_run_is_one_line(tmp_path, copied):
+def test_folder_without_a_run_is_a_one_line_error(tmp_path, copied):
     (tmp_path / "nothing-here").mkdir()
     with pytest.raises(RunError, match="neither a run folder"):
         write_report([tmp_path / "nothing-here"])

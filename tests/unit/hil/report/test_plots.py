@@ -11,14 +11,14 @@ from hil.report.sections.latency import first_use_ms
 
 
 @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4), st.integers(2, 10))
-def test_ticks_are_few_and_inside(low, span, about):
+def test_axis_ticks_are_few_and_within_the_axis(low, span, about):
     marks = ticks(low, low + span, about)
     assert len(marks) <= about + 2
     assert all(low - 1e-6 * span <= m <= low + span * (1 + 1e-6) for m in marks)
     assert marks == sorted(set(marks))
 
 
-def test_equal_arrays_are_packed_once_and_come_back(golden):
+def test_equal_arrays_are_packed_once_and_unpack_unchanged(golden):
     recorded = load(golden)
     t = recorded.topics["belief"].nanoseconds()
     plot = TimePlot("p", "P", "m")
@@ -34,7 +34,7 @@ def test_equal_arrays_are_packed_once_and_come_back(golden):
     np.testing.assert_allclose(back, recorded.seconds(t[thin(recorded, t)]), atol=1e-5)
 
 
-def test_thinning_keeps_the_attempt_and_single_dots(golden):
+def test_thinning_keeps_the_attempt_and_isolated_samples(golden):
     recorded = load(golden)
     start, end = recorded.window_ns
     t = np.arange(start - 60_000_000_000, end, 4_000_000)
@@ -44,13 +44,13 @@ def test_thinning_keeps_the_attempt_and_single_dots(golden):
     assert len(thin(recorded, t, every=False)) == len(t)
 
 
-def test_nothing_to_draw_is_no_plot():
+def test_plot_without_data_is_left_out():
     plot = TimePlot("p", "P", "m")
     plot.add("a", "#000000", np.arange(3), np.full(3, np.nan))
     assert not plot.drawable
 
 
-def test_latency_counts_each_picture_once_and_not_the_one_that_waited(golden):
+def test_latency_plot_counts_each_picture_once_without_the_first_after_a_pause(golden):
     recorded = load(golden)
     delays = first_use_ms(recorded, recorded.topics["policy/action"])
     used = {m.exposure_ns for m in recorded.topics["policy/action"].messages if m.stamp_ns <= recorded.decided_ns}
@@ -59,7 +59,7 @@ def test_latency_counts_each_picture_once_and_not_the_one_that_waited(golden):
     assert delays.max() < 100
 
 
-def test_scale_is_equal_on_both_axes():
+def test_scene_scale_is_equal_on_both_axes():
     plane = Plane((0.0, 4.0), (0.0, 1.0), width=400, max_height=400, name="p")
     (x0, y0), (x1, y1) = plane.to(1.0, 0.2), plane.to(2.0, 1.2)
     assert x1 - x0 == y0 - y1
@@ -68,13 +68,13 @@ def test_scale_is_equal_on_both_axes():
 
 
 @given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=50))
-def test_histogram_counts_everything(values):
+def test_plot_histogram_counts_every_value(values):
     svg = histogram(np.array(values), name="x", unit="ms", colour="#123456")
     shown = [int(part.rsplit(": ", 1)[1]) for part in svg.split("</title>")[:-1]]
     assert sum(shown) == len(values)
 
 
-def test_an_hour_of_recording_stays_small(golden):
+def test_plot_size_of_an_hour_of_recording_is_bounded(golden):
     recorded = load(golden)
     start = recorded.span_ns[0]
     recorded.span_ns = (start, start + 3_600_000_000_000)
@@ -83,7 +83,7 @@ def test_an_hour_of_recording_stays_small(golden):
     assert len(thin(recorded, t)) < 60 * 50 + 3100
 
 
-def test_samples_out_of_order_are_put_in_order(golden):
+def test_samples_out_of_order_are_sorted(golden):
     recorded = load(golden)
     t = recorded.topics["belief"].nanoseconds()[::-1].copy()
     plot = TimePlot("p", "P", "m")

@@ -21,14 +21,14 @@ def command(speed=1.0, turn_rate=0.5, stamp=NOW):
     return CarCommand(stamp, speed, turn_rate)
 
 
-def test_what_is_within_the_limits_passes_as_it_is():
+def test_car_gate_passes_commands_within_the_limits_unchanged():
     gate = CarGate(CarGateLimits())
     assert gate.check(NOW, command(), car()) == command()
     assert gate.check(NOW, command(), None) == command(), "no feedback yet; the driver waits for it"
 
 
 @given(any_float, any_float)
-def test_nothing_outside_the_limits_ever_passes(speed, turn_rate):
+def test_car_gate_never_passes_a_command_outside_the_limits(speed, turn_rate):
     limits = CarGateLimits(speed=2.0, turn_rate=1.0)
     gate = CarGate(limits)
     passed = gate.check(NOW, command(speed, turn_rate), car())
@@ -43,7 +43,7 @@ def test_nothing_outside_the_limits_ever_passes(speed, turn_rate):
 
 
 @pytest.mark.parametrize(
-    ("asked", "said", "why"),
+    ("asked", "feedback", "why"),
     [
         (command(math.nan), car(), "command is not finite"),
         (command(1.0, math.inf), car(), "command is not finite"),
@@ -55,16 +55,16 @@ def test_nothing_outside_the_limits_ever_passes(speed, turn_rate):
         (command(), car(stamp=NOW - 600 * MS), "no feedback of the car for 500 ms"),
     ],
 )
-def test_a_trip_latches(asked, said, why):
+def test_trip_of_the_car_gate_latches(asked, feedback, why):
     gate = CarGate(CarGateLimits())
-    assert gate.check(NOW, asked, said) is None
+    assert gate.check(NOW, asked, feedback) is None
     assert gate.tripped == why
     assert gate.check(NOW + MS, command(stamp=NOW + MS), car(stamp=NOW)) is None, "for good"
     assert gate.tripped == why
 
 
 @pytest.mark.parametrize("age_ms", [101, 5_000, -1])
-def test_an_old_command_or_one_from_the_future_is_not_sent_but_does_not_trip(age_ms):
+def test_car_gate_drops_old_and_future_commands_without_a_trip(age_ms):
     gate = CarGate(CarGateLimits())
     assert gate.check(NOW, command(stamp=NOW - age_ms * MS), car()) is None
     assert (gate.tripped, gate.refused) == ("", 1)

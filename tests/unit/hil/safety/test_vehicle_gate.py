@@ -23,7 +23,7 @@ def vehicle(position=(0.0, 0.0, 2.0), velocity=(1.0, 0.0, 0.0), age_ms=10.0):
     return VehicleState(NOW - round(age_ms * MS), position, velocity, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def test_a_good_command_passes_unchanged():
+def test_vehicle_gate_passes_a_valid_command_unchanged():
     gate = VehicleGate(LIMITS)
     sent = gate.check(NOW, action(), vehicle())
     assert sent is not None
@@ -34,7 +34,7 @@ def test_a_good_command_passes_unchanged():
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_each_rate_is_clipped_to_its_limit_and_marked(axis, sign):
+def test_vehicle_gate_clips_each_rate_and_marks_it(axis, sign):
     rate = [0.0, 0.0, 0.0]
     rate[axis] = sign * (LIMITS.rate + 0.5)
     sent = VehicleGate(LIMITS).check(NOW, action(tuple(rate)), vehicle())
@@ -45,14 +45,14 @@ def test_each_rate_is_clipped_to_its_limit_and_marked(axis, sign):
 
 
 @pytest.mark.parametrize(("asked", "sent_thrust"), [(0.0, 2.0), (-3.0, 2.0), (25.0, 18.0), (1e9, 18.0)])
-def test_thrust_is_clipped_and_marked(asked, sent_thrust):
+def test_vehicle_gate_clips_thrust_and_marks_it(asked, sent_thrust):
     sent = VehicleGate(LIMITS).check(NOW, action(thrust=asked), vehicle())
     assert sent is not None
     assert (sent.thrust, sent.limited) == (sent_thrust, True)
 
 
 @given(st.tuples(*[st.floats(-50, 50)] * 3), st.floats(-50, 50))
-def test_what_is_sent_is_always_within_the_limits_and_marked_if_changed(rate, thrust):
+def test_vehicle_gate_output_is_within_the_limits_and_marked_when_changed(rate, thrust):
     sent = VehicleGate(LIMITS).check(NOW, action(rate, thrust), vehicle())
     assert sent is not None
     assert all(abs(r) <= LIMITS.rate for r in sent.body_rate)
@@ -62,7 +62,7 @@ def test_what_is_sent_is_always_within_the_limits_and_marked_if_changed(rate, th
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("field", range(4))
-def test_a_command_that_is_not_finite_trips(bad, field):
+def test_gate_trips_on_a_non_finite_command(bad, field):
     numbers = [0.0, 0.0, 0.0, 9.8]
     numbers[field] = bad
     gate = VehicleGate(LIMITS)
@@ -90,7 +90,7 @@ def test_a_command_that_is_not_finite_trips(bad, field):
         (replace(vehicle(), orientation=(0.0, 0.0, 0.0, 0.0)), "odometry has no unit quaternion"),
     ],
 )
-def test_a_vehicle_that_must_not_fly_on_trips_and_the_trip_latches(state, reason):
+def test_gate_trips_on_an_unsafe_vehicle_state_and_latches(state, reason):
     gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(), state) is None
     assert reason in gate.tripped
@@ -99,7 +99,7 @@ def test_a_vehicle_that_must_not_fly_on_trips_and_the_trip_latches(state, reason
     assert gate.tripped == first
 
 
-def test_a_vehicle_that_has_not_seen_the_board_for_seconds_does_not_fly_on():
+def test_gate_trips_when_the_board_was_not_detected_for_seconds():
     gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(seen_ms=3000.0), vehicle()) is not None
     assert gate.check(NOW, action(seen_ms=3060.0), vehicle()) is None
@@ -114,7 +114,7 @@ def test_gate_trips_on_a_picture_stamped_later_than_now(seen_ms):
     assert gate.tripped == f"the command's picture is stamped {-seen_ms:.1f} ms later than now"
 
 
-def test_stamps_within_the_error_of_clocks_pass():
+def test_gate_passes_stamps_within_the_clock_error():
     assert VehicleGate(LIMITS).check(NOW, action(seen_ms=-4.9), vehicle(age_ms=-4.9)) is not None
 
 
@@ -139,13 +139,13 @@ def test_gate_trips_on_odometry_that_moves_faster_than_the_vehicle_can(moved, an
     assert gate.tripped == reason
 
 
-def test_the_sign_of_a_quaternion_is_no_jump():
+def test_quaternion_sign_flip_does_not_trip_the_gate():
     gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(), vehicle()) is not None
     assert gate.check(NOW, action(), replace(vehicle(age_ms=0.0), orientation=(-1.0, 0.0, 0.0, 0.0))) is not None
 
 
-def test_limits_themselves_are_allowed():
+def test_gate_passes_commands_at_the_limits():
     state = replace(vehicle((25.0, -25.0, 0.3), (8.0, 0.0, 0.0), age_ms=200.0), body_rate=(12.0, 0.0, 0.0))
     sent = VehicleGate(LIMITS).check(NOW, action((4.0, -4.0, 4.0), 18.0, age_ms=50.0), state)
     assert sent is not None
@@ -153,7 +153,7 @@ def test_limits_themselves_are_allowed():
 
 
 @pytest.mark.parametrize("age_ms", [50.1, 1000.0, -0.1])
-def test_a_late_command_is_not_sent_but_does_not_trip(age_ms):
+def test_gate_drops_a_late_command_without_a_trip(age_ms):
     gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(age_ms=age_ms), vehicle()) is None
     assert (gate.tripped, gate.refused) == ("", 1)
@@ -175,12 +175,12 @@ def test_a_late_command_is_not_sent_but_does_not_trip(age_ms):
         {"heighth": 3.0},
     ],
 )
-def test_limits_that_limit_nothing_are_refused(wrong):
+def test_invalid_gate_limits_are_refused(wrong):
     with pytest.raises(ValidationError):
         GateLimits(**wrong)
 
 
-def test_motors_may_be_let_stop():
+def test_vehicle_gate_clips_negative_thrust_to_a_zero_lower_limit():
     sent = VehicleGate(GateLimits(thrust=(0.0, 18.0))).check(NOW, action(thrust=-1.0), vehicle())
     assert sent is not None
     assert (sent.thrust, sent.limited) == (0.0, True)

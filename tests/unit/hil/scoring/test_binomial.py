@@ -19,7 +19,7 @@ from hil.scoring.binomial import at_least, interval
         (20, 20, 0.8316, 1.0),
     ],
 )
-def test_known_limits(k, n, low, high):
+def test_exact_interval_agrees_with_known_values(k, n, low, high):
     assert interval(k, n) == pytest.approx((low, high), abs=5e-5)
 
 
@@ -30,7 +30,7 @@ def test_limits_without_failures_have_a_closed_form():
 
 
 @given(st.integers(1, 200), st.data())
-def test_the_tails_hold_what_was_asked(n, data):
+def test_interval_tails_have_the_requested_probability(n, data):
     k = data.draw(st.integers(0, n))
     low, high = interval(k, n, 0.9)
     assert 0.0 <= low <= k / n <= high <= 1.0
@@ -47,7 +47,7 @@ def test_tail_against_exact_sums(n, p, data):
     assert at_least(k, n, p) == pytest.approx(exact, abs=1e-12)
 
 
-def test_the_interval_covers_as_often_as_it_promises():
+def test_interval_coverage_is_at_least_nominal():
     rng = np.random.default_rng(1)
     for p in (0.1, 0.5, 0.93):
         draws = rng.binomial(20, p, 2000)

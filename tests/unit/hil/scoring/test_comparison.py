@@ -17,16 +17,16 @@ def sign_test(pairs: Pairs) -> float:
 
 
 @given(PAIRS)
-def test_better_and_worse_are_what_an_exact_sign_test_says(pairs):
-    said = pairs.verdict()
+def test_comparison_verdict_agrees_with_an_exact_sign_test(pairs):
+    found = pairs.verdict()
     decided = sign_test(pairs) < 0.05
-    assert (said in ("better", "worse")) is decided
+    assert (found in ("better", "worse")) is decided
     if decided:
-        assert (said == "better") is (pairs.gain > 0)
+        assert (found == "better") is (pairs.gain > 0)
 
 
 @given(PAIRS)
-def test_the_gain_lies_in_its_interval_and_turns_with_the_pair(pairs):
+def test_gain_lies_in_its_interval_and_changes_sign_with_the_order_of_policies(pairs):
     low, high = pairs.gain_interval()
     assert -1.0 <= low <= pairs.gain + 1e-12 and pairs.gain - 1e-12 <= high <= 1.0
     other = Pairs(pairs.both, pairs.only_second, pairs.only_first, pairs.neither)
@@ -35,7 +35,7 @@ def test_the_gain_lies_in_its_interval_and_turns_with_the_pair(pairs):
 
 
 @given(RESULTS, RESULTS)
-def test_only_common_conditions_count(first, second):
+def test_comparison_uses_only_common_conditions(first, second):
     pairs = pair(first, second)
     common = first.keys() & second.keys()
     assert pairs.runs == len(common)
@@ -44,7 +44,7 @@ def test_only_common_conditions_count(first, second):
         assert math.isclose(pairs.gain, rates[1] - rates[0], abs_tol=1e-12)
 
 
-def test_in_words():
+def test_comparison_is_described_in_words():
     assert words(pair({}, {})) == "no common seed"
     assert words(Pairs(3, 0, 0, 2)) == "equal on every seed, 5 of them"
     assert words(Pairs(0, 0, 6, 4)).startswith("better: +60 points (+5 to +60), of 10 seeds 6 gained, 0 lost")

@@ -44,7 +44,7 @@ def flight(verdict=None, *, stages=True):
     return sorted(messages, key=lambda m: m[0])
 
 
-def test_the_papers_row():
+def test_score_has_the_columns_of_the_published_row():
     score = score_messages(load("hard-i"), 7, flight(contact(CONTACT)))
     m = score.metrics
     assert (score.scenario, score.seed, score.outcome, score.reasons) == ("hard-i", 7, "success", ())
@@ -65,13 +65,13 @@ def test_the_papers_row():
     assert m.commands_limited == 61
 
 
-def test_only_the_attempt_counts():
+def test_score_uses_only_the_attempt():
     score = score_messages(load("hard-i"), 0, flight(contact(CONTACT)))
     assert score.metrics.platform_speed[1] < 9.0  # before the attempt
     assert score.metrics.platform_speed[0] > 0.0  # after the contact
 
 
-def test_attached_and_within_tolerance_are_apart():
+def test_attached_and_within_tolerance_are_scored_separately():
     score = score_messages(load("hard-i"), 0, flight(contact(CONTACT, "fail", "distance", True, False)))
     assert (score.attached, score.within_tolerance, score.reasons) == (True, False, ("distance",))
     assert score.metrics.planar is not None
@@ -86,7 +86,7 @@ def test_without_contact_there_are_no_terminal_errors(reason):
     assert score.reasons == (reason,)
 
 
-def test_a_board_that_pictures_hardly_told_is_a_reason():
+def test_rarely_detected_board_is_a_reason_of_the_score():
     messages = [m for m in flight(contact(CONTACT, "fail", "time", False, False)) if m[1] != "board/detection"]
     stamps = range(START, CONTACT, 100_000_000)
     looks = [(t, "board/detection", detection(t, k == 3, "" if k == 3 else "ambiguous")) for k, t in enumerate(stamps)]
@@ -94,13 +94,13 @@ def test_a_board_that_pictures_hardly_told_is_a_reason():
     assert score.reasons == ("time", f"the board was found in 1 of {len(looks)} pictures; mostly: ambiguous")
 
 
-def test_the_first_verdict_stands():
+def test_score_keeps_the_first_verdict():
     messages = flight(contact(CONTACT))
     messages.append((6_000_000_000, "referee/contact", contact(6_000_000_000, "fail", "distance", False, False)))
     assert score_messages(load("hard-i"), 0, messages).within_tolerance
 
 
-def test_a_run_cut_off_is_incomplete_and_says_so():
+def test_truncated_run_is_scored_as_incomplete_with_a_reason():
     score = score_messages(load("hard-i"), 0, flight(None))
     assert score.outcome == "incomplete"
     assert "before the referee decided" in score.reasons[0]
@@ -108,18 +108,18 @@ def test_a_run_cut_off_is_incomplete_and_says_so():
     assert score.metrics.duration == pytest.approx(3.99)
 
 
-def test_an_empty_run_has_no_numbers():
+def test_score_of_an_empty_run_has_no_metrics():
     score = score_messages(load("hard-i"), 0, [])
     m = score.metrics
     assert (m.platform_speed, m.duration, m.perception_actual_hz, m.blind_time, m.detection_latency) == (None,) * 5
 
 
-def test_mocap_serves_where_there_is_no_truth():
+def test_score_uses_motion_capture_without_truth():
     messages = [m for m in flight(contact(CONTACT)) if m[1] != "truth/board"]
     assert score_messages(load("hard-i"), 0, messages).metrics.platform_speed == (7.0, 7.0)
 
 
-def test_a_tripped_gate_is_a_reason():
+def test_tripped_gate_is_a_reason_of_the_score():
     scorer = Scorer(load("hard-i"), 0)
     for message in flight(None):
         scorer(*message)

@@ -1,4 +1,4 @@
-"""`run --view`: what is shown arrives, what is not keeps nobody waiting, and nothing is left behind."""
+"""`run --view`: messages reach the viewer, a slow viewer does not block the run, and no process is orphaned."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def sink(tmp_path):
     return tmp_path / "shown.rrd"
 
 
-def test_a_flight_in_lockstep_is_shown(sink, tmp_path):
+def test_viewer_shows_a_lockstep_flight(sink, tmp_path):
     with Feed(replace(SPEC, sink=str(sink)), tmp_path / "log") as feed:
         for lane in feed._lanes:
             lane.setblocking(True)  # here every message shall arrive
@@ -49,7 +49,7 @@ def test_a_flight_in_lockstep_is_shown(sink, tmp_path):
     assert "messages shown" in (tmp_path / "log").read_text()
 
 
-def test_a_live_run_is_shown(sink, tmp_path):
+def test_viewer_shows_a_live_run(sink, tmp_path):
     pytest.importorskip("zenoh")
     from hil.bus.leaf import Bus, open_hub
 
@@ -65,7 +65,7 @@ def test_a_live_run_is_shown(sink, tmp_path):
         assert rows.get(path, 0) > 1, path
 
 
-def test_a_viewer_that_hangs_keeps_nobody_waiting(sink, tmp_path):
+def test_hanging_viewer_does_not_block_the_run(sink, tmp_path):
     picture = m.Image(0, 1280, 720, 2_000_000, PICTURE, 0)
     with Feed(replace(SPEC, sink=str(sink)), tmp_path / "log") as feed:
         os.kill(feed._process.pid, signal.SIGSTOP)
@@ -77,7 +77,7 @@ def test_a_viewer_that_hangs_keeps_nobody_waiting(sink, tmp_path):
         os.kill(feed._process.pid, signal.SIGCONT)
 
 
-def test_a_viewer_that_dies_takes_nothing_along(sink, tmp_path):
+def test_ended_viewer_does_not_end_the_run(sink, tmp_path):
     with Feed(replace(SPEC, sink=str(sink)), tmp_path / "log") as feed:
         feed._process.kill()
         feed._process.wait()
@@ -87,7 +87,7 @@ def test_a_viewer_that_dies_takes_nothing_along(sink, tmp_path):
     assert feed._process.returncode == -signal.SIGKILL
 
 
-def test_the_feed_leaves_with_the_run(sink, tmp_path):
+def test_feed_process_ends_when_its_run_is_killed(sink, tmp_path):
     """A run that is killed closes its sockets: the feed sees it and ends."""
     feed = Feed(replace(SPEC, sink=str(sink)), tmp_path / "log")
     for lane in feed._lanes:
@@ -97,7 +97,7 @@ def test_the_feed_leaves_with_the_run(sink, tmp_path):
 
 
 @given(st.lists(st.integers(0, 10**10), min_size=1, max_size=60), st.sampled_from(sorted(SHOWN_NS)))
-def test_what_is_let_through_is_far_enough_apart(times, topic):
+def test_thinner_keeps_the_minimum_interval_between_messages(times, topic):
     thinner = Thinner()
     let = [now for now in sorted(times) if thinner.lets(now, topic)]
     assert let[0] == min(times)
@@ -105,20 +105,20 @@ def test_what_is_let_through_is_far_enough_apart(times, topic):
     assert not thinner.lets(10**12, "car/command")
 
 
-def test_a_wide_picture_is_halved_and_stays_a_picture():
+def test_wide_picture_is_halved_once():
     small = reduced(m.Image(5, 1280, 720, 1, PICTURE, 7))
     assert (small.width, small.height, len(small.data), small.stamp_ns) == (640, 360, 640 * 360, 5)
     assert reduced(small) is small
 
 
-def test_without_a_display_a_page_is_served_on_loopback(monkeypatch):
+def test_viewer_without_a_display_serves_a_page_on_loopback(monkeypatch):
     pytest.importorskip("rerun")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
-    said: list[str] = []
-    with view_live.RunViewer(said.append) as viewer:
-        address = re.search(r"http://127\.0\.0\.1:(\d+)/", said[0])
-        assert address and "ssh -L" in said[1]
+    reported: list[str] = []
+    with view_live.RunViewer(reported.append) as viewer:
+        address = re.search(r"http://127\.0\.0\.1:(\d+)/", reported[0])
+        assert address and "ssh -L" in reported[1]
         listening = subprocess.run(["ss", "-ltnH"], capture_output=True, text=True, check=True).stdout.split()
         assert f"127.0.0.1:{viewer._port}" in listening and f"0.0.0.0:{viewer._port}" not in listening
         with urllib.request.urlopen(viewer.page, timeout=30) as page:
@@ -128,7 +128,7 @@ def test_without_a_display_a_page_is_served_on_loopback(monkeypatch):
             socket.create_connection(("127.0.0.1", viewer._port), timeout=5).close()
 
 
-def test_where_no_window_opens_a_page_is_served(monkeypatch):
+def test_viewer_serves_a_page_when_no_window_opens(monkeypatch):
     pytest.importorskip("rerun")
     monkeypatch.setenv("DISPLAY", ":77")
     asked: list[int | None] = []
@@ -141,13 +141,15 @@ def test_where_no_window_opens_a_page_is_served(monkeypatch):
         return real(port, *files, log=log, web_port=web_port)
 
     monkeypatch.setattr(view_live, "spawn_viewer", spawn)
-    said: list[str] = []
-    with view_live.RunViewer(said.append) as viewer:
+    reported: list[str] = []
+    with view_live.RunViewer(reported.append) as viewer:
         assert viewer.served and asked[0] is None and asked[1]
-    assert said[0].startswith("Rerun could not open a window here") and said[1].startswith("viewer: open http://")
+    assert reported[0].startswith("Rerun could not open a window here") and reported[1].startswith(
+        "viewer: open http://"
+    )
 
 
-def test_a_viewer_that_cannot_start_is_one_clear_line(monkeypatch, tmp_path):
+def test_viewer_start_error_is_one_line(monkeypatch, tmp_path):
     pytest.importorskip("rerun")
     monkeypatch.setattr(view_live, "spawn_viewer", lambda *_, **__: subprocess.Popen(["false"], start_new_session=True))
     result = CliRunner().invoke(cli.app, ["run", "simple-i", "--view", "--out", str(tmp_path / "runs")])
@@ -155,14 +157,14 @@ def test_a_viewer_that_cannot_start_is_one_clear_line(monkeypatch, tmp_path):
     assert not (tmp_path / "runs").exists()
 
 
-def test_without_the_sdk_nothing_flies(monkeypatch, tmp_path):
+def test_run_with_view_is_refused_without_the_sdk(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "rerun", None)
     result = CliRunner().invoke(cli.app, ["run", "simple-i", "--view", "--out", str(tmp_path / "runs")])
     assert result.exit_code == 2 and "pip install 'perch-hil[view]'" in result.stderr
     assert not (tmp_path / "runs").exists()
 
 
-def test_the_launchers_child_ends_too():
+def test_child_process_of_the_viewer_launcher_is_ended():
     launcher = subprocess.Popen(
         ["sh", "-c", "sleep 600 & echo $!; wait"], stdout=subprocess.PIPE, start_new_session=True
     )

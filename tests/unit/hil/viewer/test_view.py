@@ -1,4 +1,4 @@
-"""The viewer, without a display: what is written, and what is said when it cannot be used."""
+"""The viewer, without a display: what is written, and the error when it cannot be used."""
 
 import shutil
 import sys
@@ -45,7 +45,7 @@ def test_saved_file_holds_scene_pictures_and_series(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["run.rrd"]
 
 
-def test_a_finished_run_has_the_entities_of_a_run_under_way(tmp_path):
+def test_finished_run_has_the_entities_of_a_live_run(tmp_path):
     sdk = pytest.importorskip("rerun")
     from hil.viewer.stream import ViewStream
 
@@ -66,7 +66,7 @@ def test_a_finished_run_has_the_entities_of_a_run_under_way(tmp_path):
     }  # fmt: skip
 
 
-def test_a_recording_cut_off_is_shown_as_far_as_it_goes(tmp_path):
+def test_truncated_recording_is_shown_up_to_the_cut(tmp_path):
     pytest.importorskip("rerun")
     run = shutil.copytree(GOLDEN, tmp_path / "run")
     data = (run / "run.mcap").read_bytes()
@@ -75,7 +75,7 @@ def test_a_recording_cut_off_is_shown_as_far_as_it_goes(tmp_path):
     assert entities(tmp_path / "run.rrd").get("/world/vehicle", 0) > 1
 
 
-def test_not_a_recording(tmp_path, command):
+def test_view_of_a_file_that_is_not_a_recording_is_refused(tmp_path, command):
     pytest.importorskip("rerun")
     (tmp_path / "x.mcap").write_bytes(b"nonsense")
     with pytest.raises(ReadError):
@@ -85,20 +85,20 @@ def test_not_a_recording(tmp_path, command):
     assert not (tmp_path / "x.rrd").exists()
 
 
-def test_without_the_viewer_it_is_one_clear_line(monkeypatch, command):
+def test_missing_viewer_package_is_a_one_line_error(monkeypatch, command):
     monkeypatch.setitem(sys.modules, "rerun", None)
     result = command("view", GOLDEN)
     assert result.exit_code == 2
     assert result.stderr == "perch-hil: the viewer is not installed: pip install 'perch-hil[view]' (rerun-sdk 0.41)\n"
 
 
-def test_no_folder_to_save_in(tmp_path, command):
+def test_missing_folder_of_the_saved_file_is_a_one_line_error(tmp_path, command):
     pytest.importorskip("rerun")
     result = command("view", GOLDEN, "--save", tmp_path / "no" / "x.rrd")
     assert result.exit_code == 3 and "cannot be written" in result.stderr and result.stderr.count("\n") == 1
 
 
-def test_no_display_is_one_clear_line(monkeypatch, command):
+def test_missing_display_is_a_one_line_error(monkeypatch, command):
     pytest.importorskip("rerun")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
@@ -125,7 +125,7 @@ def test_the_viewer_listens_on_loopback_only(monkeypatch):
     assert view.address(port) == f"rerun+http://127.0.0.1:{port}/proxy"
 
 
-def test_report_on_the_command_line(tmp_path, command):
+def test_report_command_writes_a_report(tmp_path, command):
     run = shutil.copytree(GOLDEN, tmp_path / "run")
     result = command("report", run)
     assert result.exit_code == 0 and result.stdout.startswith(f"wrote {run / 'report.html'}")
@@ -136,7 +136,7 @@ def test_report_on_the_command_line(tmp_path, command):
 
 
 @pytest.mark.parametrize("content", [b"", b"not a recording", b"\x89MCAP0\r\n"])
-def test_report_on_what_is_no_recording(tmp_path, command, content):
+def test_report_command_refuses_a_file_that_is_not_a_recording(tmp_path, command, content):
     (tmp_path / "x.mcap").write_bytes(content)
     result = command("report", tmp_path / "x.mcap")
     assert result.exit_code == 2

@@ -28,7 +28,7 @@ def along(plan, gravity):
     return states, thrust, np.linalg.norm(across, axis=1) / thrust
 
 
-def test_plan_of_the_published_launch_case_agrees_with_the_published_figures():
+def test_published_launch_case_gives_the_published_figures():
     # The original's figures: T 2.972 s, thrust 7.25-16.85, omega 3.000, v 6.11, tail v (2.3, 0, -0.02). The search is
     # stopped long before the optimum, by the same rule but on another line search's path, and the path hangs on last
     # bits, which differ between processors: a start a micrometre away ends at 14.3 to 16.9 of thrust. Hence per cent of
@@ -64,7 +64,7 @@ def test_plan_begins_at_the_start_and_ends_on_the_board_in_its_attitude():
     assert (end[1] - 1.5 * np.array([np.cos(h), np.sin(h), 0.0])) @ normal == pytest.approx(-0.3, abs=1e-6)
 
 
-def test_replanning_from_the_last_plan_leads_to_the_same_contact():
+def test_replanning_from_the_last_plan_gives_the_same_contact():
     board = np.array([1.0, 0.0, 1.5, 0.0, 1.0, 0.0, np.radians(30.0), 0.0])
     first = plan_perch(rest(-1.0, 0.2, 2.5), board, OURS)
     board[0] += 0.1
@@ -73,7 +73,7 @@ def test_replanning_from_the_last_plan_leads_to_the_same_contact():
     assert np.allclose(second.at(0.0), first.at(0.1), atol=1e-6)
 
 
-def test_missing_scipy_raises_an_error_that_says_what_to_install(monkeypatch):
+def test_missing_scipy_error_names_the_package_to_install(monkeypatch):
     load_search.cache_clear()
     monkeypatch.setitem(__import__("sys").modules, "scipy.optimize", None)
     with pytest.raises(ValueError, match="pip install"):

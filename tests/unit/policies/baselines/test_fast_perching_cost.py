@@ -41,7 +41,7 @@ def test_gradient_agrees_with_differences_of_the_cost(seed, turn_rate, inclinati
 
 
 @given(st.floats(-20.0, 20.0))
-def test_seconds_of_a_piece_are_positive_and_invertible(t):
+def test_piece_durations_are_positive_and_invertible(t):
     seconds, slope = piece_seconds(t)
     assert seconds > 0.0
     assert slope > 0.0

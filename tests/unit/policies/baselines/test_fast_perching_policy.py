@@ -16,12 +16,12 @@ def flown(name, **changes):
     return run_episodes(contender.policy, config)
 
 
-def test_it_perches_on_a_board_on_a_straight_line():
+def test_fast_perching_perches_on_a_board_on_a_straight_line():
     ended = flown("fast-perching", families=(0, 1.0, 0, 0, 0, 0), laws=(1.0, 0, 0, 0))
     assert np.count_nonzero(ended[:, result_row.OUTCOME] == SUCCESS) >= 3
 
 
-def test_on_a_circle_the_turn_rate_raises_success():
+def test_turn_rate_in_the_prediction_raises_success_on_a_circle():
     circle = {**point(3.0, 0.0), "families": (0, 0, 0, 0, 1.0, 0), "laws": (1.0, 0, 0, 0)}
     flights = flown("fast-perching", **circle), flown("fast-perching-ctrv", **circle)
     hits = [np.count_nonzero(rows[:, result_row.OUTCOME] == SUCCESS) for rows in flights]

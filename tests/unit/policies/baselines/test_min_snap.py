@@ -31,7 +31,7 @@ def test_energy_is_the_integral_of_squared_snap(boundary):
     assert np.isclose(boundary @ curve.energy @ boundary, integral, rtol=1e-6, atol=1e-5)
 
 
-def test_any_other_curve_through_the_same_points_has_more_snap():
+def test_minimum_snap_curve_has_the_least_snap_through_its_points():
     # A bump that vanishes with three derivatives at both ends of a piece keeps way points and continuity up to jerk.
     curve = min_snap()
     boundary = np.random.default_rng(0).normal(size=BOUNDARY)
@@ -45,7 +45,7 @@ def test_any_other_curve_through_the_same_points_has_more_snap():
             assert ((snap + size * bump) ** 2 * weights).sum() > (snap**2 * weights).sum()
 
 
-def test_samples_are_the_motion_and_its_derivatives():
+def test_samples_equal_the_motion_and_its_derivatives():
     curve = min_snap()
     boundary = np.random.default_rng(1).normal(size=BOUNDARY)
     pieces = curve.coefficients @ boundary

@@ -1,4 +1,4 @@
-"""The filter where policies learn (all motions, the noise model, delays, looking away): its errors are what it says."""
+"""The filter in the training environment (all motions, noise, delays, looking away): errors agree with covariance."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def consistency(scale):
 
 
 @pytest.mark.parametrize("scale", [0.3, 1.0])
-def test_innovations_and_errors_are_as_large_as_the_filter_says(scale):
+def test_filter_errors_and_innovations_agree_with_their_covariances(scale):
     nis, found = consistency(scale)
     seen, lost = found[found[:, 0] < 0.1], found[found[:, 0] > 0.4]
     assert len(seen) > 500 and len(lost) > 100

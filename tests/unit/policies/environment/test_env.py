@@ -27,7 +27,7 @@ def actions(count, seed=0, size=0.1):
     return np.random.default_rng(seed).normal(0.0, size, (count, 4))
 
 
-def test_start_is_the_paper_s_table():
+def test_start_of_an_episode_is_within_the_published_ranges():
     env = Env(EnvConfig(count=512, seed=3, **QUIET))
     env.reset()
     vehicle, board = env.rows.vehicle, env.rows.track[:, 0]
@@ -45,17 +45,19 @@ def test_start_is_the_paper_s_table():
 
 
 @pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.25, 70, 130), (1.0, 400, 400)])
-def test_as_many_steep_boards_swing_as_are_asked_for(share, least, most):
+def test_share_of_oscillating_steep_boards_is_as_configured(share, least, most):
     env = Env(EnvConfig(oscillating=share, speed=(0.0, 0.5), inclination_deg=(0.0, 5.0), count=400, seed=3))
     env.reset()
     slow, fast = env.rows.motion[:, motion_row.SPEED + speed_row.V], env.rows.motion[:, motion_row.SPEED + speed_row.V2]
     inclination = np.degrees(env.rows.track[:, 0, 6])
-    swing = (fast >= 2.2) & (fast <= 2.9) & (slow >= 0.6) & (slow <= 1.2) & (inclination >= 45) & (inclination <= 75)
-    assert least <= swing.sum() <= most
-    assert (fast[~swing] <= 0.5).all() and (inclination[~swing] <= 5.0).all()
+    oscillates = (
+        (fast >= 2.2) & (fast <= 2.9) & (slow >= 0.6) & (slow <= 1.2) & (inclination >= 45) & (inclination <= 75)
+    )
+    assert least <= oscillates.sum() <= most
+    assert (fast[~oscillates] <= 0.5).all() and (inclination[~oscillates] <= 5.0).all()
 
 
-def test_as_many_boards_are_hard_by_their_speed_as_are_asked_for():
+def test_share_of_hard_boards_is_as_configured():
     env = Env(EnvConfig(hard_examples=0.4, speed=(0.0, 0.5), inclination_deg=(40.0, 50.0), count=1000, seed=3))
     env.reset()
     speed, inclination = env.rows.state[:, episode_row.SPEED], np.degrees(env.rows.track[:, 0, 6])
@@ -67,7 +69,7 @@ def test_as_many_boards_are_hard_by_their_speed_as_are_asked_for():
 
 
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 0.55), (2.0, 0.4)])
-def test_small_noise_is_drawn_as_often_as_asked(power, expected):
+def test_share_of_small_noise_is_as_configured(power, expected):
     env = Env(EnvConfig(stage="vision", noise_scale=(0.1, 1.0), noise_power=power, count=2000, seed=3))
     env.reset()
     noise = env.rows.state[:, episode_row.NOISE]
@@ -77,7 +79,7 @@ def test_small_noise_is_drawn_as_often_as_asked(power, expected):
         EnvConfig(noise_power=0.0)
 
 
-def test_equal_seeds_give_equal_numbers_whatever_happens_beside():
+def test_episode_is_equal_for_equal_seeds_in_batches_of_any_size():
     one, two = (Env(EnvConfig(count=n, seed=4, stage="vision", warm=0.5)) for n in (8, 32))
     one.reset()
     two.reset()
@@ -98,7 +100,7 @@ def test_vision_starts_with_the_board_in_view_and_a_belief():
     assert (env.rows.observation[:, TAIL + 12] > 0.99).mean() > 0.98  # rho
 
 
-def test_hovering_start_knows_the_board_s_speed_and_the_thrust_gain():
+def test_hovering_start_has_the_board_speed_and_the_thrust_gain():
     config = EnvConfig(count=128, seed=6, stage="vision", warm=1.0, warm_time=(0.6, 1.0), speed=(0.5, 1.0))
     env = Env(config)
     env.reset()
@@ -126,14 +128,14 @@ def test_the_airframe_is_drawn_anew_for_every_episode():
         assert low <= factor.min() < low + 0.1 * (high - low) and high - 0.1 * (high - low) < factor.max() <= high
 
 
-def test_a_range_of_drag_that_begins_below_0_has_a_share_of_episodes_without():
+def test_drag_range_below_zero_gives_a_share_of_episodes_without_drag():
     env = Env(EnvConfig(count=512, seed=6, drag=(-1.0, 3.0)))
     env.reset()
     drag = env.rows.params[:, airframe_row.DRAG]
     assert drag.min() == 0.0 and (drag == 0.0).mean() == pytest.approx(0.25, abs=0.06)
 
 
-def test_state_stage_shows_the_truth():
+def test_state_stage_observes_the_truth():
     env = Env(EnvConfig(count=64, seed=7, **QUIET))
     env.reset()
     for k in range(20):
@@ -146,7 +148,7 @@ def test_state_stage_shows_the_truth():
     assert seen[:, 2] == pytest.approx(offset[:, 2], abs=1e-5)
 
 
-def test_flight_s_classes_give_the_training_s_numbers():
+def test_flight_classes_agree_with_the_training_environment():
     """One recorded vision episode through ObservationBuilder: the observation that training saw."""
     config = EnvConfig(count=1, seed=8, stage="vision", odometry_noise=0.0, gain_slot=False)
     env = Env(config)
@@ -189,7 +191,7 @@ def test_belief_follows_the_board_within_its_noise():
     assert np.median(np.concatenate(errors)) < 0.08
 
 
-def test_delayed_detections_wait_their_turn():
+def test_delayed_detections_are_queued():
     env = Env(EnvConfig(count=64, seed=10, stage="vision", latency=(0.09, 0.09), detector_hz=(60.0, 60.0)))
     env.reset()
     for _ in range(9):
@@ -197,7 +199,7 @@ def test_delayed_detections_wait_their_turn():
     assert env.rows.state[:, episode_row.PENDING].max() >= 4
 
 
-def test_time_limit_and_tally():
+def test_time_limit_ends_every_episode_and_is_tallied():
     env = Env(EnvConfig(count=32, seed=11, limit=20, **QUIET))
     env.reset()
     for _ in range(20):
@@ -211,7 +213,7 @@ def test_time_limit_and_tally():
     assert env.shared.rules[rules_row.TIME_LIMIT] == pytest.approx(0.195)
 
 
-def test_teacher_with_foresight_perches():
+def test_teacher_with_privileged_information_perches():
     config = EnvConfig(count=96, seed=12, speed=(1.0, 2.0), inclination_deg=(10.0, 40.0), **QUIET)
     env = Env(config)
     env.reset()
@@ -239,7 +241,7 @@ def test_teacher_turns_in_time_over_flat_boards_that_bend_away():
     assert misaligned(ExpertParams().rate_flat) <= 1 < 5 <= misaligned(ExpertParams().rate)
 
 
-def test_future_is_what_happens():
+def test_privileged_future_equals_later_states():
     env = Env(EnvConfig(count=16, seed=13, limit=300, **QUIET))
     env.reset()
     future = np.zeros((41, 8))
@@ -252,7 +254,7 @@ def test_future_is_what_happens():
     assert env.rows.track[3, 30] == pytest.approx(future[6])
 
 
-def test_ablations_change_what_is_seen():
+def test_ablations_change_the_observation():
     base = EnvConfig(count=64, seed=14, stage="vision")
     full, raw, blind = (Env(c) for c in (base, replace(base, augmentation=False), replace(base, rho=False)))
     for env in (full, raw, blind):
@@ -266,7 +268,7 @@ def test_ablations_change_what_is_seen():
     assert np.allclose(blind.rows.believed, full.rows.believed)
 
 
-def test_bad_settings_and_actions():
+def test_invalid_settings_and_actions_are_refused():
     with pytest.raises(ValueError, match="stage is 'sound'"):
         EnvConfig(stage="sound")
     with pytest.raises(ValueError, match="speed"):

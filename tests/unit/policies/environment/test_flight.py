@@ -24,14 +24,14 @@ CONFIG = EnvConfig(
 )
 
 
-def test_flight_computes_what_training_computes():
+def test_flight_observations_equal_training_observations():
     """Detections as they arrive, odometry with its noise, the thrust gain learnt on the way: every tick, to the end."""
     blind = sum(fly_both(seed) for seed in (3, 7, 9))
     assert blind > 15  # the flare takes the board out of view, so the prediction alone was compared too
 
 
-def test_guided_flight_computes_what_guided_training_computes():
-    """The same laws act, at every tick, on the same numbers; the network is told what was flown."""
+def test_guided_flight_equals_guided_training():
+    """The same laws act, at every tick, on the same numbers; the network observes the command that was flown."""
     acted = [laws for seed in (3, 7, 9) for laws in fly_guided(seed)]
     assert {ALIGNED, FLARED, BRAKED} <= {bit for laws in acted for bit in (1, 2, 4) if laws & bit}
     assert sum(map(bool, acted)) > 30
@@ -79,8 +79,8 @@ def fly_both(seed):
     ticks = blind = 0
     while not flight.done and ticks < 300:
         for seen in flight.detections():
-            told = seen.exposure_ns, seen.position, seen.orientation, seen.position_sigma, seen.orientation_sigma
-            assert board.update(*told) in ("accepted", "gated")
+            measured = seen.exposure_ns, seen.position, seen.orientation, seen.position_sigma, seen.orientation_sigma
+            assert board.update(*measured) in ("accepted", "gated")
         estimate = board.estimate(flight.now_ns)
         believed = [*estimate.position, estimate.heading, estimate.speed, estimate.turn_rate, estimate.inclination]
         assert believed == pytest.approx(rows.believed[0, :7], abs=1e-5)
@@ -97,7 +97,7 @@ def fly_both(seed):
     return blind
 
 
-def test_other_episodes_are_refused():
+def test_flight_of_state_stage_or_warm_start_is_refused():
     with pytest.raises(ValueError, match="vision stage"):
         EnvFlight(EnvConfig(stage="state"))
     with pytest.raises(ValueError, match="warm"):

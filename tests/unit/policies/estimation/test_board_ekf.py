@@ -117,7 +117,7 @@ def test_innovation_test_refuses_an_outlier_and_restarts_after_a_jump():
     assert set(scattered) == {"gated"}
 
 
-def test_bad_measurements_are_counted_and_change_nothing():
+def test_invalid_measurements_are_counted_and_ignored():
     filter_ = BoardFilter()
     for k in range(10):
         filter_.update(k * 33 * MS, (0, 0, 1.5), quaternion(0.2, 0.0), 0.02, 0.02)
@@ -151,7 +151,7 @@ def test_reliability_validity_and_the_exposure_time_in_the_estimate():
 
 @settings(max_examples=80)
 @given(st.floats(-3.1, 3.1), st.floats(0.0, 1.5), st.floats(-0.2, 0.2))
-def test_heading_and_inclination_come_back_out_of_any_pose(heading, inclination, roll):
+def test_heading_and_inclination_are_recovered_from_any_pose(heading, inclination, roll):
     z, r = np.zeros(5), np.zeros(5)
     q = np.array(quaternion(heading, inclination, roll))
     assert b.measurement_from_pose(np.zeros(3), q, np.full(3, 0.1), 0.05, z, r)

@@ -1,4 +1,4 @@
-"""Two ways of driving side by side: the mixture's algebra, and which of them is believed when."""
+"""The two motion models of the filter: the algebra of their mixture, and their probabilities."""
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def test_model_probabilities_return_to_the_prior_after_a_long_gap():
         assert prior == pytest.approx(usual)
 
 
-def test_judge_raises_the_likelier_model_and_keeps_zero_at_zero():
+def test_model_update_raises_the_likelier_model_and_keeps_zero_at_zero():
     weights = np.zeros(belief_row.MODEL_COUNT)
     judge(np.array([0.5, 0.5]), np.array([3.0, 9.0]), weights)
     assert weights[CALM] == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))
@@ -79,7 +79,7 @@ def test_judge_raises_the_likelier_model_and_keeps_zero_at_zero():
     assert weights.tolist() == [0.0, 1.0]
 
 
-def test_precise_measurements_select_the_lively_model():
+def test_precise_measurements_select_the_model_with_more_acceleration():
     ends = [
         run("cosine", 1, 0.01, 0.01, params=BeliefParams(calm_accel=accel))[0].row[belief_row.STATE : belief_row.TIME]
         for accel in (0.3, 1.5)
@@ -94,7 +94,7 @@ def test_model_probabilities_follow_the_board_s_acceleration():
     assert lively("cosine") > 1.2 * lively("ou")
 
 
-def test_calm_board_has_smaller_speed_error_under_noise():
+def test_calm_model_reduces_speed_error_under_noise():
     def speed_error(params):
         ends = [run("ou", k, 0.1, 0.1, params=params) for k in range(30)]
         return float(np.sqrt(np.mean([(f.row[4] - truth[4]) ** 2 for f, *_, truth, _ in ends])))

@@ -53,7 +53,7 @@ def test_odometry_of_age_zero_is_unchanged():
 
 
 def test_prediction_reduces_the_error_in_a_flare():
-    """Nose-up by 60 deg at 12 m/s^2, 16 ms old: the speed left is 0.17 m/s less than the estimate says."""
+    """Nose-up by 60 deg at 12 m/s^2, 16 ms old: the speed left is 0.17 m/s less than the estimate."""
     view = View((0.0, 0.0, 2.0), (5.0, 0.0, 0.0), from_rotation_vector(0.0, -np.pi / 3, 0.0), (0.0, 0.0, 0.0))
     _, velocity, _ = now(view, 0.016, 12.0, 0.0)
     assert velocity[0] == pytest.approx(5.0 - 0.016 * 12.0 * np.sin(np.pi / 3))

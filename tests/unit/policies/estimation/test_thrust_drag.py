@@ -56,7 +56,7 @@ def test_drag_converges_after_two_seconds_of_motion(factor):
     assert abs(found[200:] - factor * usual).max() < 0.06
 
 
-def test_a_tick_that_is_not_finite_or_has_no_duration_changes_nothing():
+def test_non_finite_or_zero_duration_tick_does_not_change_the_estimate():
     state = np.zeros(thrust_row.DIM)
     tg.gain_reset(state, G)
     for _ in range(50):

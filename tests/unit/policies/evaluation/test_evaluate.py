@@ -15,7 +15,7 @@ from policies.task.contact import SUCCESS
 from vehicle.camera.noise import measured_noise
 
 
-def test_every_row_counts_its_first_episodes():
+def test_evaluation_uses_the_first_episodes_of_every_row():
     config = EnvConfig(count=24, seed=2, limit=30, odometry_noise=0.0)
 
     def fall(env):
@@ -26,7 +26,7 @@ def test_every_row_counts_its_first_episodes():
     assert (ended[:, ended_row.STEPS] <= 30).all()
 
 
-def test_summary():
+def test_summary_has_success_speeds_and_causes():
     ended = np.zeros((4, ended_row.DIM))
     ended[:3, result_row.OUTCOME], ended[3, result_row.OUTCOME], ended[3, 1] = SUCCESS, 1, 3
     ended[:, 9], ended[:, ended_row.STEPS] = [-0.5, -0.6, -0.9, -3.0], 200
@@ -41,27 +41,27 @@ def test_summary():
     assert result_row.DIM < ended_row.DIM
 
 
-def test_points_are_the_paper_s():
+def test_evaluation_points_agree_with_the_paper():
     assert POINTS["T1"]["speed"] == (3.0, 3.0) and POINTS["T1"]["inclination_deg"] == (0.0, 0.0)
     assert POINTS["T2"]["speed"] == (2.0, 2.0) and POINTS["T2"]["inclination_deg"] == (30.0, 30.0)
     assert POINTS["T3"]["speed"] == (1.0, 1.0) and POINTS["T3"]["inclination_deg"] == (60.0, 60.0)
 
 
-def test_noise_and_progress_are_passed_on():
-    seen, told = [], []
+def test_evaluation_applies_noise_and_reports_progress():
+    seen, progress = [], []
 
     def wait(env: Env):
         seen.append(env.shared.noise.copy())
         return np.zeros((env.config.count, 4))
 
     config = EnvConfig(stage="vision", limit=5)
-    rows = evaluate(wait, config, 10, ("T1", "T2"), "measured", told.append)
+    rows = evaluate(wait, config, 10, ("T1", "T2"), "measured", progress.append)
     assert [row.name for row in rows] == ["T1", "T2"] and rows[0].episodes == 10
     assert (seen[0] == measured_noise()).all()
-    assert told == sorted(told) and told[-1] == 1.0
+    assert progress == sorted(progress) and progress[-1] == 1.0
 
 
-def test_evaluation_has_seeds_of_its_own():
+def test_evaluation_seeds_differ_from_training_seeds():
     assert evaluation_seed(0) >= 1 << 40 and evaluation_seed(1) == evaluation_seed(0) + 1
     with pytest.raises(ValueError, match="seed -1"):
         evaluation_seed(-1)

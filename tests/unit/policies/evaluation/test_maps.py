@@ -24,14 +24,14 @@ def test_drawing_of_a_heat_map_has_both_contours():
 
 
 def test_heat_map_covers_the_axes_of_the_paper():
-    told = []
-    found = heatmap(fall, EnvConfig(odometry_noise=0.0), 2, watch=told.append)
+    progress = []
+    found = heatmap(fall, EnvConfig(odometry_noise=0.0), 2, watch=progress.append)
     assert found.speeds[0] == 0.0 and found.speeds[-1] >= 3.0
     assert (found.inclinations_deg[0], found.inclinations_deg[-1]) == (0.0, 80.0)
     lines = found.csv().splitlines()
     assert lines[0] == "speed,inclination_deg,success_percent,episodes"
     assert lines[1] == "0,0,0,2" and len(lines) == 1 + len(found.speeds) * len(found.inclinations_deg)
-    assert told[-1] == 1.0
+    assert progress[-1] == 1.0
 
 
 def test_motions_fly_the_four_trajectory_families():
@@ -47,7 +47,7 @@ def test_motions_fly_the_four_trajectory_families():
 
 
 @pytest.mark.parametrize(("stage", "others"), [("state", VEHICLES), ("vision", {**VEHICLES, **CAMERAS})])
-def test_robustness_makes_one_change_at_a_time_at_the_paper_s_points(stage, others):
+def test_robustness_cases_change_one_parameter_at_the_published_points(stage, others):
     seen = []
 
     def noting(env):

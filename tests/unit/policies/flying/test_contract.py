@@ -45,7 +45,7 @@ def one_line(error):
     return str(error.value)
 
 
-def test_round_trip(tmp_path):
+def test_contract_round_trips_through_json(tmp_path):
     path = write(tmp_path / "p.onnx", CONTRACT.model_dump_json())
     assert read_contract(path) == CONTRACT
     session, contract = open_policy(path)
@@ -54,7 +54,7 @@ def test_round_trip(tmp_path):
     assert action == pytest.approx(0.01 * OBS_DIM, rel=1e-5)
 
 
-def test_missing_and_corrupt_files(tmp_path):
+def test_missing_and_corrupt_policy_files_are_refused(tmp_path):
     with pytest.raises(ContractError, match="does not exist") as error:
         read_contract(tmp_path / "none.onnx")
     one_line(error)
@@ -68,7 +68,7 @@ def test_missing_and_corrupt_files(tmp_path):
         read_contract(path)
 
 
-def test_no_contract_in_the_file(tmp_path):
+def test_policy_file_without_a_contract_is_refused(tmp_path):
     with pytest.raises(ContractError, match=METADATA_KEY):
         read_contract(write(tmp_path / "p.onnx"))
 
@@ -82,7 +82,7 @@ def test_no_contract_in_the_file(tmp_path):
         ('"seed":1', '"seed":1,"extra":2'),
     ],
 )
-def test_wrong_field_is_named(change, match):
+def test_contract_error_names_the_wrong_field(change, match):
     text = CONTRACT.model_dump_json().replace(change, match)
     assert text != CONTRACT.model_dump_json()
     with pytest.raises(ContractError, match="contract field") as error:
@@ -90,12 +90,12 @@ def test_wrong_field_is_named(change, match):
     one_line(error)
 
 
-def test_not_json():
+def test_contract_that_is_not_json_is_refused():
     with pytest.raises(ContractError, match="contract"):
         parse_contract("{nonsense")
 
 
-def test_mismatches_name_both_sides():
+def test_contract_mismatch_error_names_both_values():
     check_contract(CONTRACT, airframe=PAPER, stage="vision")
     with pytest.raises(ContractError, match="stage vision, this flight has state"):
         check_contract(CONTRACT, stage="state")
@@ -104,14 +104,14 @@ def test_mismatches_name_both_sides():
         check_contract(old)
 
 
-def test_airframe_without_a_policy_is_told_what_to_train():
+def test_airframe_without_a_policy_error_names_the_training_command():
     with pytest.raises(ContractError, match="perch-hil policy train --airframe crazyflie") as error:
         check_contract(CONTRACT, airframe=CRAZYFLIE)
     assert "made for airframe paper_quad, this flight has crazyflie" in one_line(error)
 
 
 @pytest.mark.parametrize(
-    ("section", "change", "says"),
+    ("section", "change", "message"),
     [
         ("contact", {"magnet_below": 0.07}, "disc_below=0.04"),
         ("contact", {"footprint_radius": 0.1}, "disc_radius=0.13"),
@@ -122,14 +122,14 @@ def test_airframe_without_a_policy_is_told_what_to_train():
         ("camera", {"tilt_deg": 30.0}, "camera"),
     ],
 )
-def test_changed_airframe_is_refused_with_the_value_that_differs(section, change, says):
+def test_changed_airframe_is_refused_with_the_value_that_differs(section, change, message):
     part = getattr(PAPER, section).model_copy(update=change)
     with pytest.raises(ContractError, match="train one for it") as error:
         check_contract(CONTRACT, airframe=PAPER.model_copy(update={section: part}))
-    assert says in one_line(error)
+    assert message in one_line(error)
 
 
-def test_file_without_guidance_in_its_contract_does_not_want_it():
+def test_contract_without_guidance_disables_it():
     older = CONTRACT.model_dump_json(exclude={"guidance", "vehicle"})
     contract = parse_contract(older)
     assert not contract.guidance
@@ -138,11 +138,11 @@ def test_file_without_guidance_in_its_contract_does_not_want_it():
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_network_fits_the_airframe_it_was_made_for(name):
+def test_shipped_network_matches_its_airframe(name):
     """Its camera's tilt was written with 12 digits: rounding is no other camera."""
     check_contract(open_policy(policy_file(name))[1], airframe=PAPER)
 
 
-def test_size_must_match_the_promise(tmp_path):
+def test_network_size_that_differs_from_its_contract_is_refused(tmp_path):
     with pytest.raises(ContractError, match="reads 7 numbers"):
         open_policy(write(tmp_path / "p.onnx", CONTRACT.model_dump_json(), size=7))

@@ -13,7 +13,7 @@ MS = 1_000_000
 AIRFRAME = load_airframe("paper_quad")
 
 
-def test_between_ticks_the_newest_picture_is_acted_on_and_the_history_keeps_its_pace():
+def test_policy_acts_on_a_picture_between_ticks_and_history_keeps_its_stride():
     policy = OnnxPolicy(policy_file("vision"), AIRFRAME)
     policy.reset(0)
 
@@ -26,13 +26,13 @@ def test_between_ticks_the_newest_picture_is_acted_on_and_the_history_keeps_its_
 
     act(10, 10, 3.0)
     late = act(16, 10, 2.5)
-    assert late != act(16, 10, 3.0)  # what the picture told is in the answer
+    assert late != act(16, 10, 3.0)  # the picture changes the command
     act(20, 20, 2.5)
     assert policy._builder._row[history_row.FILL] == 2.0
 
 
 @pytest.mark.parametrize("name", [*SHIPPED, "planner", "planner-analytic"])
-def test_what_comes_with_the_project_flies_by_name_from_any_folder(name, tmp_path, monkeypatch):
+def test_shipped_policy_opens_by_name_from_any_folder(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     policy = policy_factory(name, AIRFRAME)()
     policy.reset(0)

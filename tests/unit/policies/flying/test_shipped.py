@@ -9,7 +9,7 @@ from policies.evaluation.evaluate import POINTS, fly_cases
 
 
 @pytest.mark.parametrize("name", ["state", "vision", "planner"])
-def test_it_perches_with_the_paper_s_dynamics_and_with_twice_the_drag(name):
+def test_shipped_policy_perches_without_drag_and_with_double_drag(name):
     contender = open_contender(name)
     stage = "state" if name == "state" else "vision"
     config = replace(contender.config(stage, 5), count=100)

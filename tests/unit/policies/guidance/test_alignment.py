@@ -38,12 +38,12 @@ def contact_angle(lean, tilt, turn, law):
 
 
 @pytest.mark.parametrize("lean, tilt", [(0.23, 0.0), (-0.3, 0.0), (0.0, 0.22), (0.1, -0.2), (-0.2, 0.15)])
-def test_misaligned_approach_ends_within_tolerance(lean, tilt):
+def test_alignment_brings_a_misaligned_approach_within_tolerance(lean, tilt):
     assert contact_angle(lean, tilt, turn=0.0, law=False) > 0.2
     assert contact_angle(lean, tilt, turn=0.0, law=True) < 0.2
 
 
-def test_turning_board_is_met_at_its_attitude_at_contact():
+def test_alignment_aims_at_the_attitude_of_a_turning_board_at_contact():
     still, turning = (situation(1.2, LEAN * math.sin(1.2), 0.0, 0.12, turn=turn) for turn in (0.0, 1.2))
     assert corrected(*still, [0.0, 0.0, 0.0, 9.0])[:2].tolist() == [0.0, 0.0]
     board, p, v, q = turning
@@ -71,7 +71,7 @@ def test_aligned_approach_is_unchanged():
     ],
     ids=str,
 )
-def test_rates_unchanged_outside_the_condition(change):
+def test_alignment_leaves_rates_unchanged_outside_its_condition(change):
     here = situation(**{"inclination": 1.0, "lean": 0.35, "tilt": 0.0, "left": 0.1} | change)
     asked = [0.3, -0.2, 0.4, 11.0]
     assert corrected(*here, asked).tolist() == asked
@@ -83,7 +83,7 @@ def test_yaw_rate_and_thrust_unchanged_and_rates_within_limit():
     assert np.abs(out[:2]).max() == RATE_MAX
 
 
-def test_flat_board_by_hand():
+def test_alignment_rate_on_a_flat_board_agrees_with_hand_calculation():
     # Level but for 0.2 rad to the right: 0.12 rad too much, in the shortest span.
     board, p, v, q = situation(0.0, 0.0, 0.2, 0.05, heading=0.0, turn=0.0)
     q = np.array(from_rotation_vector(0.2, 0.0, 0.0))
@@ -95,7 +95,7 @@ def test_flat_board_by_hand():
     assert less[0] == pytest.approx(-(math.sin(0.2) - 0.04 - BAND) / SHORTEST, rel=1e-9)
 
 
-def test_hard_turning_board_is_met_banked_into_the_turn():
+def test_alignment_banks_into_the_turn_of_a_fast_turning_board():
     # 2 m/s at -1.2 rad/s takes 0.245 rad of bank to the right: 0.4 of what exceeds 0.18 of it.
     board, p, v, _ = situation(0.0, 0.0, 0.0, 0.0, heading=0.0, turn=-1.2)
     bank = PARAMS.bank_share * (2.0 * 1.2 / GRAVITY - PARAMS.bank_from)
@@ -112,7 +112,7 @@ def test_hard_turning_board_is_met_banked_into_the_turn():
     assert roll_rate(bank + 0.9 * BAND) == 0.0 < roll_rate(-0.9 * BAND)
 
 
-def test_uncertain_surface_is_answered_earlier():
+def test_alignment_starts_earlier_with_an_uncertain_surface():
     here = situation(0.0, 0.0, 0.25, FROM + 0.04, closing=0.4)
     asked = [0.0, 0.0, 0.0, 9.0]
     assert corrected(*here, asked).tolist() == asked

@@ -67,7 +67,7 @@ def test_last_moment_turn_is_at_the_rate_limit_with_yaw_and_thrust_unchanged():
     [{"closing": PARAMS.flare_closing - 0.1}, {"beside": PARAMS.flare_offset + 0.1}, {"lean": 1.7}, {"left": 0.6}],
     ids=str,
 )
-def test_rates_unchanged_outside_the_condition(change):
+def test_flare_leaves_rates_unchanged_outside_its_condition(change):
     late = {"inclination": STEEP, "lean": 1.2, "tilt": 0.0, "left": 0.15, "closing": 3.0}
     assert flared(*situation(**late), ASKED).tolist() != ASKED
     assert flared(*situation(**late | change), ASKED).tolist() == ASKED

@@ -39,7 +39,7 @@ somewhere = st.builds(
     somewhere, st.lists(unit, min_size=8, max_size=8), st.sampled_from(FRAMES), st.floats(0.0, 0.02),
     st.floats(0.5, 1.5), st.floats(0.0, 1.0),
 )  # fmt: skip
-def test_authority_is_bounded_by_the_airframe_and_flags_tell_what_changed(here, actions, params, sigma, gain, drag):
+def test_guidance_is_bounded_by_the_airframe_and_flags_its_changes(here, actions, params, sigma, gain, drag):
     half = 0.5 * (params.thrust_max - params.thrust_min)
     scale, shift = np.array([*[params.rate_max] * 3, half]), np.array([0.0, 0.0, 0.0, params.thrust_min + half])
     asked, previous = (scale * np.array(part) + shift for part in (actions[:4], actions[4:]))
@@ -78,33 +78,40 @@ def _conditions(here, laws, params, sigma, gain):
 
 @pytest.mark.parametrize("what", ["command", "p", "v", "q", "board", "previous", "sigma", "gain", "drag"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_input_that_is_not_finite_leaves_the_command_and_is_flagged(what, value):
+def test_non_finite_guidance_input_leaves_the_command_and_is_flagged(what, value):
     board, p, v, q = situation(1.0, -0.3, 0.0, 0.08)
-    told = {"p": p, "v": v, "q": q, "board": board, "previous": STILL.copy(), "command": np.array([0.1, 0.2, 0.3, 6.0])}
+    inputs = {
+        "p": p,
+        "v": v,
+        "q": q,
+        "board": board,
+        "previous": STILL.copy(),
+        "command": np.array([0.1, 0.2, 0.3, 6.0]),
+    }
     numbers = {"sigma": 0.001, "gain": 1.0, "drag": 0.2}
     if what in numbers:
         numbers[what] = value
     else:
-        told[what][1] = value
-    asked = told["command"].copy()
+        inputs[what][1] = value
+    asked = inputs["command"].copy()
     laws = guide(
-        told["command"], told["p"], told["v"], told["q"], told["board"], numbers["sigma"], told["previous"],
+        inputs["command"], inputs["p"], inputs["v"], inputs["q"], inputs["board"], numbers["sigma"], inputs["previous"],
         numbers["gain"], numbers["drag"], PAPER.row(),
     )  # fmt: skip
     assert laws == NOT_FINITE
-    np.testing.assert_array_equal(told["command"], asked)
+    np.testing.assert_array_equal(inputs["command"], asked)
 
 
 @pytest.mark.parametrize("size", [1e160, 1e300])
-def test_result_that_is_not_finite_is_not_flown(size):
+def test_non_finite_guidance_result_leaves_the_command(size):
     board, p, v, q = situation(1.0, -0.3, 0.0, 0.08)
-    for told in (p, v):
-        laws, command = guided((board, p + (told is p) * size, v - (told is v) * size, q), [0.1, 0.2, 0.3, 6.0])
+    for inputs in (p, v):
+        laws, command = guided((board, p + (inputs is p) * size, v - (inputs is v) * size, q), [0.1, 0.2, 0.3, 6.0])
         assert np.isfinite(command).all()
         assert laws in (0, ALIGNED, FLARED, ALIGNED | FLARED, BRAKED, NOT_FINITE)
 
 
-def test_flare_replaces_alignment_and_braking_comes_on_top():
+def test_flare_replaces_alignment_and_braking_is_added():
     late = situation(math.radians(70.0), 1.0, 0.0, 0.05, closing=3.0)
     laws, command = guided(late, [0.0, 0.0, 0.0, 9.0])
     assert laws == ALIGNED | FLARED
@@ -114,14 +121,14 @@ def test_flare_replaces_alignment_and_braking_comes_on_top():
     assert guided(near, [0.0, 0.0, 0.0, 5.0])[0] == ALIGNED | BRAKED
 
 
-def test_disc_of_another_airframe_is_met_earlier():
+def test_larger_contact_disc_starts_guidance_earlier():
     small, large = (replace(PAPER, below=below) for below in (0.04, 0.10))
     here = situation(0.8, 0.4, 0.0, 0.2, closing=0.6)
     assert guided(here, STILL, small)[0] == 0
     assert guided(here, STILL, large)[0] & ALIGNED
 
 
-def test_columns_are_the_parameters_in_order():
+def test_columns_of_the_row_are_the_guidance_parameters_in_order():
     names = list(PAPER.__dataclass_fields__)
     assert sorted(getattr(gp, name.upper()) for name in names) == list(range(gp.COUNT))
     row = PAPER.row()
@@ -129,13 +136,13 @@ def test_columns_are_the_parameters_in_order():
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         ({"lean": math.nan}, "lean is nan"), ({"below": -0.1}, "below"), ({"thrust_min": 15.0}, "thrust_min"),
         ({"align_shortest": 0.0}, "align_shortest is 0.0; it must be positive"), ({"sigma_low": 0.006}, "sigma_low"),
     ],
 )  # fmt: skip
-def test_wrong_parameter_is_named(change, says):
+def test_wrong_parameter_is_named(change, message):
     with pytest.raises(ValueError, match="guidance parameter") as error:
         replace(PAPER, **change)
-    assert says in str(error.value)
+    assert message in str(error.value)

@@ -70,11 +70,11 @@ def test_thrust_is_only_raised_and_within_its_limit(inclination, lean, left, clo
     assert thrust <= braked(here, thrust, previous, gain) <= HIGH
 
 
-def test_harder_braking_goes_on():
+def test_previous_higher_braking_thrust_is_kept():
     assert braked(situation(0.0, 0.0, 0.0, 0.1, closing=0.6), 14.3, previous=14.3) == 14.3
 
 
-def test_flat_board_by_hand():
+def test_impact_thrust_on_a_flat_board_agrees_with_hand_calculation():
     height, closing, lag = 0.1 * 0.8 - 0.1 * PARAMS.radius, 0.8, PARAMS.thrust_lag
     work = 0.5 * (closing**2 - INTO**2) + (GRAVITY - DRAG * closing) * (height + 0.01) - 8.8 * lag * closing
     thrust = work / (height + 0.01 - lag * closing)
@@ -99,7 +99,7 @@ def test_thrust_unchanged_outside_the_condition(here):
     assert braked(here, 5.3, previous=5.3) == 5.3
 
 
-def test_poorly_known_surface_is_met_unbraked_and_half_known_half_braked():
+def test_braking_is_scaled_down_with_the_uncertainty_of_the_surface():
     full, half, none = (
         braked(climbing(1.2, 0.9, 0.1), 5.3, previous=5.3, sigma=sigma) - 5.3 for sigma in (0.002, 0.004, 0.006)
     )

@@ -19,7 +19,7 @@ def observations(count=5, seed=0):
 
 @pytest.mark.parametrize("temporal", [True, False])
 @pytest.mark.parametrize("with_geometry", [True, False])
-def test_shapes_and_ablations(temporal, with_geometry):
+def test_network_shapes_and_log_probability_are_right_for_every_ablation(temporal, with_geometry):
     config = NetworkConfig(temporal=temporal, geometry=with_geometry)
     actor, critic = Actor(config), Critic(config)
     observation, future = observations(), torch.zeros(5, FUTURE * entry_row.DIM)
@@ -37,7 +37,7 @@ def test_the_reflected_observation_gets_the_reflected_action():
     assert torch.allclose(reflected, seen * actor.action_signs, atol=1e-5)
 
 
-def test_without_temporal_augmentation_the_past_does_not_matter():
+def test_actor_ignores_the_past_without_temporal_augmentation():
     for temporal in (True, False):
         actor = Actor(NetworkConfig(temporal=temporal))
         torch.nn.init.normal_(actor.head.weight)
@@ -48,7 +48,7 @@ def test_without_temporal_augmentation_the_past_does_not_matter():
         assert changed == temporal
 
 
-def test_without_temporal_augmentation_the_critic_sees_no_future():
+def test_critic_ignores_the_future_without_temporal_augmentation():
     for temporal in (True, False):
         critic = Critic(NetworkConfig(temporal=temporal))
         far = torch.ones(5, FUTURE * entry_row.DIM)
@@ -56,7 +56,7 @@ def test_without_temporal_augmentation_the_critic_sees_no_future():
         assert changed == temporal
 
 
-def test_geometry_by_hand():
+def test_network_geometry_agrees_with_hand_calculation():
     newest, tail = torch.zeros(1, entry_row.DIM), torch.zeros(1, tail_row.DIM)
     newest[0, :9] = torch.tensor([1.0, 2.0, -2.0, 0.6, 0.0, 0.8, 1.5, 0.5, 0.1])
     tail[0, 0:3] = torch.tensor([0.5, 0.5, -1.0])

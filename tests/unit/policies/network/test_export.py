@@ -32,7 +32,7 @@ def actor(**options):
 
 
 @pytest.mark.parametrize("options", [{}, {"temporal": False}, {"geometry": False}, {"symmetric": False}])
-def test_onnx_equals_torch(tmp_path, options):
+def test_exported_onnx_agrees_with_torch(tmp_path, options):
     path, net = tmp_path / "p.onnx", actor(**options)
     assert export(net, CONTRACT, path) <= 1e-5
     assert compare(FlightActor(net), path) <= 1e-5
@@ -41,7 +41,7 @@ def test_onnx_equals_torch(tmp_path, options):
     assert not list(tmp_path.glob("*.tmp.*"))
 
 
-def test_they_are_compared_on_the_observations_given(tmp_path):
+def test_export_comparison_uses_the_given_observations(tmp_path):
     path, net = tmp_path / "p.onnx", actor()
     export(net, CONTRACT, path)
     other = actor(width=96)
@@ -54,7 +54,7 @@ def test_they_are_compared_on_the_observations_given(tmp_path):
     assert compare(FlightActor(other), path, observations) == 0.0
 
 
-def test_weights_that_are_not_finite_keep_the_old_file(tmp_path):
+def test_export_of_non_finite_weights_keeps_the_old_file(tmp_path):
     path, net = tmp_path / "p.onnx", actor()
     export(net, CONTRACT, path)
     before = path.read_bytes()
@@ -65,13 +65,13 @@ def test_weights_that_are_not_finite_keep_the_old_file(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_too_large_is_refused(tmp_path):
+def test_export_of_a_too_large_network_is_refused(tmp_path):
     with pytest.raises(ContractError, match="bytes"):
         export(actor(width=800), CONTRACT, tmp_path / "p.onnx")
     assert not (tmp_path / "p.onnx").exists()
 
 
-def test_actions_are_clipped(tmp_path):
+def test_exported_network_clips_its_actions(tmp_path):
     net = actor()
     with torch.no_grad():
         net.head.bias.fill_(5.0)
@@ -83,7 +83,7 @@ def test_actions_are_clipped(tmp_path):
     assert out.shape == (3, 4) and out.max() <= 1.0
 
 
-def test_the_file_holds_a_plain_network(tmp_path):
+def test_exported_file_has_one_last_layer_and_no_conditions(tmp_path):
     """One last layer and nothing that decides: no gated experts, no law."""
     export(actor(), CONTRACT, tmp_path / "p.onnx")
     kinds = [node.op_type for node in onnx.load(tmp_path / "p.onnx").graph.node if node.op_type != "Constant"]
@@ -95,7 +95,7 @@ def test_the_file_holds_a_plain_network(tmp_path):
     "options",
     [{}, {"symmetric": False}, {"temporal": False}, {"geometry": False, "width": 64, "channels": (8, 12, 16)}],
 )
-def test_an_exported_actor_comes_back(tmp_path, options):
+def test_exported_actor_can_be_imported_again(tmp_path, options):
     path, net = tmp_path / "p.onnx", actor(**options)
     export(net, CONTRACT, path)
     again, contract = import_actor(path)
@@ -103,7 +103,7 @@ def test_an_exported_actor_comes_back(tmp_path, options):
     assert compare(FlightActor(again), path) < 1e-5
 
 
-def test_what_is_not_in_the_file_begins_alike_each_time_and_draws_no_other_random_number(tmp_path):
+def test_import_initialises_missing_weights_equally_and_keeps_the_random_state(tmp_path):
     export(actor(), CONTRACT, tmp_path / "p.onnx")
     torch.manual_seed(1)
     first, _ = import_actor(tmp_path / "p.onnx")
@@ -116,7 +116,7 @@ def test_what_is_not_in_the_file_begins_alike_each_time_and_draws_no_other_rando
 
 
 def changed(path, old, new):
-    """The file with an initializer renamed, so that its weights no longer tell what it computes."""
+    """The file with an initializer renamed, so that it computes something else than its weights."""
     model = onnx.load(path)
     for each in model.graph.initializer:
         each.name = new if each.name == old else each.name
@@ -125,20 +125,20 @@ def changed(path, old, new):
     onnx.save(model, path)
 
 
-def test_a_file_that_computes_something_else_than_its_weights_tell_is_refused(tmp_path):
+def test_import_refuses_a_graph_that_disagrees_with_its_weights(tmp_path):
     export(actor(), CONTRACT, tmp_path / "p.onnx")
     changed(tmp_path / "p.onnx", "actor.head.weight", "renamed")
     with pytest.raises(ContractError, match="something else than its weights tell"):
         import_actor(tmp_path / "p.onnx")
 
 
-def test_a_file_of_unknown_weights_is_refused(tmp_path):
+def test_import_refuses_unknown_weights(tmp_path):
     export(actor(), CONTRACT, tmp_path / "p.onnx")
     changed(tmp_path / "p.onnx", "actor.head.weight", "actor.other.weight")
     with pytest.raises(ContractError, match="does not know"):
         import_actor(tmp_path / "p.onnx")
 
 
-def test_a_file_without_a_description_of_its_network_is_refused():
+def test_import_refuses_a_file_without_a_network_description():
     with pytest.raises(ContractError, match="a teacher, not a parent"):
         import_actor(ROOT / "policies" / "checkpoints" / "vision.onnx")

@@ -74,7 +74,7 @@ def test_keep_in_view_limits_only_acceleration_along_the_bearing(ax, ay, away, a
     assert abs(after) >= min(abs(before), 9.8 * math.tan(math.radians(8.9))) - 1e-9
 
 
-def test_hold_comes_to_rest_and_climb_away_leaves_upward_and_backward():
+def test_hold_stops_and_climb_away_moves_upward_and_backward():
     airframe = load_airframe("paper_quad")
     params, out = airframe.params_row(), np.zeros(4)
     row = vehicle_row((0, 0, 3), motor=airframe.hover_thrust)

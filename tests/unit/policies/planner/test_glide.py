@@ -74,7 +74,7 @@ def test_commands_are_small_on_the_reference():
 
 
 @pytest.mark.parametrize(("away", "sinks"), [(0.15, True), (0.3, False)])
-def test_too_low_it_climbs_behind_the_board_and_sinks_over_it(away, sinks):
+def test_glide_below_its_reference_climbs_behind_the_board_and_sinks_over_it(away, sinks):
     out, board = np.zeros(4), np.array([0.0, 0, 1.5, 0, 3.0, 0, 0, 0])
     p = np.array([-away, 0.0, 1.5 + PARAMS.vehicle.contact_below + 0.02])
     glide(p, np.array([3.0, 0.0, 0.0]), LEVEL, board, 0.0, 0.0, 1.0, PLANNER, out)
@@ -90,7 +90,7 @@ def asked(height, sinking=0.4, side=0.0, turn=0.0):
     return out[:2]
 
 
-def test_in_a_turn_it_leans_towards_the_board_s_acceleration_of_when_the_lean_is_reached():
+def test_glide_leans_towards_the_predicted_acceleration_of_a_turning_board():
     roll, pitch = asked(0.05, turn=0.5) - asked(0.05)
     assert roll < -0.5  # to the left and backward, as the board's heading goes on turning
     assert -pitch / -roll == pytest.approx(math.tan(0.5 * _AHEAD), abs=0.03)
@@ -108,7 +108,7 @@ def test_board_behind_or_above_the_vehicle_counts_as_missed(x, z, missed):
     assert np.isfinite(out).all()
 
 
-def test_after_a_miss_it_climbs_away():
+def test_glide_climbs_away_after_a_miss():
     state, out, board = np.zeros(state_row.DIM), np.zeros(4), np.array([0.0, 0, 1.5, 0, 0, 0, 0, 0])
     pl.planner_reset(state, 0.0)
     estimate, future = np.array([1.0, 0.01, 0.1, 0.0, 20.0, 0.0]), np.tile(board, (HORIZON, 1))
@@ -129,7 +129,7 @@ def test_glide_perches_more_often_than_a_plan_on_a_fast_flat_board():
     assert gliding.normal_speed < 0.65
 
 
-def test_a_board_known_exactly_is_planned_for_and_not_glided_to():
+def test_planner_commits_to_a_plan_on_a_board_known_exactly():
     env, planner = Env(EnvConfig(count=8, seed=3, **point(3.0, 0.0))), PlannerInEnv(ANALYTIC)
     env.reset()
     seen = set()

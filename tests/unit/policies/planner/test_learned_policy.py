@@ -36,18 +36,18 @@ def airframe():
     return load_airframe("paper_quad")
 
 
-def test_without_a_network_it_is_the_analytic_planner(airframe):
+def test_learned_planner_without_a_network_is_the_analytic_planner(airframe):
     assert fly(LearnedPlannerPolicy(airframe, net=np.zeros(0, np.float32))) == fly(PlannerPolicy(airframe))
 
 
-def test_network_changes_the_flight_only_once_it_is_trusted(airframe):
+def test_network_changes_the_flight_only_when_trusted(airframe):
     learned, analytic = fly(LearnedPlannerPolicy(airframe)), fly(PlannerPolicy(airframe))
     assert learned[:30] == analytic[:30]
     assert learned != analytic
     assert learned == fly(LearnedPlannerPolicy(airframe, net=load_predictor()))
 
 
-def test_reset_forgets_the_board(airframe):
+def test_reset_clears_the_memory_of_the_board(airframe):
     policy = LearnedPlannerPolicy(airframe)
     first = fly(policy)
     assert policy._memory.any()

@@ -14,7 +14,7 @@ def place(path):
     return getattr(getattr(params_row, group), name)
 
 
-def test_every_value_stands_where_its_name_in_the_row_says():
+def test_planner_row_columns_agree_with_their_names():
     changed = PARAMS.changed({"vehicle.drag": 0.3, "run_up.commit": 0.77, "glide.inclination": 0.11})
     row = changed.row()
     assert row.shape == (2 * params_row.COUNT,)
@@ -34,7 +34,7 @@ def test_second_half_of_the_row_has_the_values_for_steep_boards():
 
 
 @pytest.mark.parametrize("name", list_airframes())
-def test_vehicle_and_limits_of_a_command_are_the_airframe_s(name):
+def test_planner_uses_dynamics_and_limits_of_the_airframe(name):
     airframe, vehicle = load_airframe(name), planner_params(load_airframe(name)).vehicle
     assert (vehicle.contact_below, vehicle.contact_radius) == (
         airframe.contact.magnet_below,

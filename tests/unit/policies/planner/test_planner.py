@@ -43,7 +43,7 @@ def fly(case, count, source, stage="state", **changes):
 
 
 @pytest.mark.parametrize("case", ["static", "T2", "T3"])
-def test_on_a_board_known_exactly_it_perches_within_tolerance(case):
+def test_planner_perches_within_tolerance_on_a_board_known_exactly(case):
     flown = fly(case, 24, ANALYTIC, thrust_to_weight=0.0)
     assert flown.success >= 90.0, flown.causes
     assert flown.position_error < 0.1
@@ -51,7 +51,7 @@ def test_on_a_board_known_exactly_it_perches_within_tolerance(case):
 
 
 @pytest.mark.parametrize(("case", "floor"), [("static", 95.0), ("line", 80.0), ("T2", 85.0)])
-def test_it_perches_on_the_belief_of_a_camera(case, floor):
+def test_planner_perches_on_the_belief_of_a_camera(case, floor):
     flown = fly(case, 32, ANALYTIC, "vision")
     assert flown.success >= floor, flown.causes
     assert 0.4 < flown.normal_speed < 1.2
@@ -76,7 +76,7 @@ def test_phases_come_in_order_and_commands_stay_within_the_limits():
         assert seen[-2:] == [phases.COMMIT, phases.TERMINAL]
 
 
-def test_without_a_valid_belief_it_hovers_and_is_not_engaged():
+def test_planner_without_a_valid_belief_hovers_and_is_not_engaged():
     state, estimate, future, out = (
         np.zeros(state_row.DIM),
         np.zeros(estimate_row.DIM),

@@ -108,7 +108,7 @@ def oscillating(phase):
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3])
-def test_run_up_begins_only_if_it_meets_the_board_at_low_speed(share):
+def test_run_up_begins_only_for_contact_at_low_board_speed(share):
     inclination = math.radians(70.0)
     there = ru.runup_time(inclination, ROW) + ru.flare_start(inclination, ROW)[4]
     taken = 0
@@ -121,7 +121,7 @@ def test_run_up_begins_only_if_it_meets_the_board_at_low_speed(share):
     assert taken > 0
 
 
-def test_a_board_that_was_slow_is_waited_for_although_none_of_it_is_predicted():
+def test_run_up_waits_for_an_oscillating_board_without_a_predicted_slow_phase():
     inclination = math.radians(70.0)
     future, history, _ = oscillating(0.0)
     future[:, 4] = 2.5

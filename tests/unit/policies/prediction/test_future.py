@@ -33,7 +33,7 @@ def test_acceleration_decays():
     assert np.all(np.diff(out[:, 4]) > 0)
 
 
-def test_interpolation_is_exact_on_rows_close_between_them_and_goes_on_after_the_last():
+def test_interpolation_is_exact_on_rows_and_extrapolates_after_the_last():
     future, row = np.stack([truth(0.05 * k) for k in range(64)]), np.zeros(8)
     for t in (0.0, 0.5, 3.15):
         pr.board_at(future, 0.05, t, row)
@@ -54,7 +54,7 @@ def test_headings_are_interpolated_across_pi():
     assert abs(row[3]) == pytest.approx(math.pi - 0.01, abs=0.01)
 
 
-def test_untrusted_fit_changes_nothing_and_a_trusted_one_keeps_the_curvature():
+def test_untrusted_fit_is_ignored_and_a_trusted_one_keeps_the_curvature():
     state = np.array([0, 0, 1.5, 0.2, 2.0, 0.6, 0.9, 0.7])
     plain, swung, fit = np.zeros((40, 8)), np.zeros((40, 8)), np.zeros(oscillation_row.DIM)
     pr.predict_future(state, 0.8, 0.05, plain)

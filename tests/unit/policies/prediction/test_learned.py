@@ -11,9 +11,9 @@ from policies.prediction import net_row, past_row, scratch_row
 from policies.prediction.future import HORIZON, STEP, predict_future
 
 
-def drive(history, heading=0.3, x=1.0, y=-2.0, speed=1.5, turn=0.4, ticks=300, age=0.05, mirror=1.0):
-    """A car that swings in speed and turns, remembered every 10 ms; returns its row now and the time."""
-    row = np.array([x, y, 1.5, heading, speed, mirror * turn, 0.5, 0.0])
+def drive(history, heading=0.3, x=1.0, y=-2.0, speed=1.5, turn=0.4, ticks=300, age=0.05, reflection=1.0):
+    """A turning car with an oscillating speed, in a history of 10 ms steps; returns its row now and the time."""
+    row = np.array([x, y, 1.5, heading, speed, reflection * turn, 0.5, 0.0])
     for k in range(ticks):
         row[7] = 1.2 * math.sin(2.0 * k * 0.01)
         advance_state(row, 0.01, 1e6)
@@ -84,7 +84,7 @@ def test_analytic_rows_are_kept_without_history_or_after_a_long_gap(ticks, age):
     np.testing.assert_array_equal(future, wanted)
 
 
-def test_trust_is_continuous():
+def test_trust_in_the_network_is_continuous():
     history, net, last, row = np.zeros(pd.HISTORY_DIM), random_net(), 0.0, np.zeros(8)
     for k in range(150):
         pd.predictor_push(history, 0.01 * k, row, 0.05)
@@ -96,7 +96,7 @@ def test_trust_is_continuous():
     assert aged[0] == 1.0 and aged[-1] == 0.0 and max(-np.diff(aged)) < 0.07
 
 
-def test_history_is_even_and_a_gap_clears_it():
+def test_history_is_evenly_sampled_and_cleared_by_a_gap():
     history, row = np.zeros(pd.HISTORY_DIM), np.ones(8)
     for k in range(101):
         pd.predictor_push(history, 0.01 * k, row, 0.0)
@@ -117,7 +117,7 @@ def test_interpolation_is_exact_at_the_knots():
     np.testing.assert_allclose(values @ spread, at, atol=1e-12)
 
 
-def test_files_are_checked(tmp_path):
+def test_missing_and_corrupt_predictor_files_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="train one"):
         pd.load_predictor(tmp_path / "none.npz")
     broken = tmp_path / "broken.npz"

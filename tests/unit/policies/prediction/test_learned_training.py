@@ -37,7 +37,7 @@ def test_targets_start_where_the_board_is_believed(examples):
     assert np.median(np.abs(first[:, 3] - examples.contexts[:, 0])) < 0.15
 
 
-def test_kernel_and_torch_agree(examples):
+def test_predictor_kernel_and_torch_agree(examples):
     row = pd.load_predictor()
     network, path = training.build_network(), training.DrivenPath()
     training.start_from(network, row)
@@ -65,21 +65,21 @@ def test_kernel_and_torch_agree(examples):
         pd.predictor_network(row, scratch)
         np.testing.assert_allclose(scratch[-net_row.OUTPUTS :], outputs, atol=2e-5)
         pd.believe_filter(0.1, scratch)
-        said = torch.from_numpy(scratch[-net_row.OUTPUTS :][None].copy())
-        wanted = path(torch.tensor([[1.6, 0.3, 0.5]]), said).numpy()[0]
+        predicted = torch.from_numpy(scratch[-net_row.OUTPUTS :][None].copy())
+        wanted = path(torch.tensor([[1.6, 0.3, 0.5]]), predicted).numpy()[0]
     np.testing.assert_allclose(future[:, [0, 1, 3, 4]], wanted, atol=1e-4)
     assert paths.shape == (len(examples.inputs), HORIZON, 4)
 
 
 def test_a_known_speed_is_not_corrected_an_unknown_one_is():
     scratch = np.zeros(scratch_row.DIM, np.float32)
-    said = scratch[-net_row.OUTPUTS :]
-    said[: net_row.KNOTS] = 0.4
+    predicted = scratch[-net_row.OUTPUTS :]
+    predicted[: net_row.KNOTS] = 0.4
     pd.believe_filter(0.0, scratch)
-    assert said[0] == 0.0 and 0.0 < said[4] < 0.4
-    said[: net_row.KNOTS] = 0.4
+    assert predicted[0] == 0.0 and 0.0 < predicted[4] < 0.4
+    predicted[: net_row.KNOTS] = 0.4
     pd.believe_filter(10.0, scratch)
-    np.testing.assert_allclose(said[: net_row.KNOTS], 0.4, atol=1e-3)
+    np.testing.assert_allclose(predicted[: net_row.KNOTS], 0.4, atol=1e-3)
 
 
 def test_committed_network_beats_the_base_motion_on_held_out_drives(examples):
@@ -91,7 +91,7 @@ def test_committed_network_beats_the_base_motion_on_held_out_drives(examples):
         assert found["learned"][:, k].mean() < 0.85 * found["base"][:, k].mean()
 
 
-def test_mirror_signs_give_the_inputs_of_the_reflected_drive():
+def test_reflection_signs_give_the_inputs_of_the_reflected_drive():
     signs, _ = training.mirror_signs()
     rows = []
     for side in (1.0, -1.0):
@@ -105,7 +105,7 @@ def test_mirror_signs_give_the_inputs_of_the_reflected_drive():
     np.testing.assert_allclose(rows[1], rows[0] * signs.numpy(), atol=1e-6)
 
 
-def test_short_training_lowers_the_error_and_writes_a_loadable_file(tmp_path, capsys):
+def test_short_predictor_training_lowers_the_error_and_writes_a_loadable_file(tmp_path, capsys):
     training.train(0.05, 60, 5, tmp_path / "p.npz")
     assert "learned" in capsys.readouterr().out
     assert pd.load_predictor(tmp_path / "p.npz").shape == (net_row.DIM,)

@@ -15,7 +15,7 @@ def filled(law, seconds, noise=0.0, seed=1):
     return history
 
 
-def swing(t):
+def oscillating_speed(t):
     return 1.0 + 0.75 * (1 + math.cos(2 * math.pi * t / 3.0 + 0.7))
 
 
@@ -34,15 +34,17 @@ def test_oscillating_speed_is_predicted_after_one_period(noise):
     fit = np.zeros(oscillation_row.DIM)
     for seed in range(4):
         seconds = 4.5
-        sh.fit_oscillation(filled(swing, seconds, noise, seed), 0.8, fit)
+        sh.fit_oscillation(filled(oscillating_speed, seconds, noise, seed), 0.8, fit)
         assert fit[3] > 0.7 and fit[4] < 0.15
         now = seconds - 0.05
         for ahead in (0.5, 1.0, 1.5):
             gained = sh.oscillation_gain(fit, ahead)
-            assert gained == pytest.approx(swing(now + ahead) - swing(now), abs=0.12 + 4 * noise)
+            assert gained == pytest.approx(
+                oscillating_speed(now + ahead) - oscillating_speed(now), abs=0.12 + 4 * noise
+            )
 
 
-def test_constant_and_wandering_speeds_get_no_trust():
+def test_oscillation_fit_has_no_trust_in_constant_and_random_speeds():
     fit, rng = np.zeros(oscillation_row.DIM), stream(5)
     sh.fit_oscillation(filled(lambda t: 2.0, 5.0, 0.03), 0.8, fit)
     assert abs(fit[3] * sh.oscillation_gain(fit, 1.0)) < 0.1 and fit[4] < 0.1
@@ -59,9 +61,9 @@ def test_constant_and_wandering_speeds_get_no_trust():
     assert np.mean(worst) < 0.05  # over one second no worse than holding the speed
 
 
-def test_short_history_gets_no_trust_and_unknown_surprise():
+def test_oscillation_fit_has_no_trust_in_a_short_history():
     fit = np.zeros(oscillation_row.DIM)
-    sh.fit_oscillation(filled(swing, 0.6), 0.8, fit)
+    sh.fit_oscillation(filled(oscillating_speed, 0.6), 0.8, fit)
     assert fit[3] == 0.0 and fit[4] == sh.UNKNOWN
 
 

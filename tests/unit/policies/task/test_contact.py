@@ -32,7 +32,7 @@ def aligned(board):
     )
 
 
-def touch(board, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elapsed=1.0, rules=RULES):
+def contact_result(board, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elapsed=1.0, rules=RULES):
     up, left, n = axes(board)
     car = board[4] * np.array([math.cos(board[3]), math.sin(board[3]), 0.0])
     p = board[:3] + x * up + y * left + (DISC.magnet_below - depth) * n
@@ -48,7 +48,7 @@ def touch(board, x=0.0, y=0.0, depth=0.002, normal=-0.5, along=0.0, q=None, elap
     st.floats(-0.13, 0.13), st.floats(-0.13, 0.13), st.floats(-1.2, -0.2), st.floats(-0.5, 0.5),
 )  # fmt: skip
 def test_aligned_contact_is_a_success_measured_in_the_board_frame(th, psi, speed, x, y, normal, along):
-    code, seen = touch(board(th, psi, speed), x, y, normal=normal, along=along)
+    code, seen = contact_result(board(th, psi, speed), x, y, normal=normal, along=along)
     assert code == c.SUCCESS and seen.within_tolerance and seen.attached and seen.outcome == "success"
     assert (seen.x, seen.y, seen.normal_speed) == pytest.approx((x, y, normal), abs=1e-9)
     assert seen.planar == pytest.approx(math.hypot(x, y), abs=1e-9)
@@ -59,7 +59,7 @@ def test_aligned_contact_is_a_success_measured_in_the_board_frame(th, psi, speed
 
 def test_contact_begins_at_the_lowest_point_of_a_tilted_disc():
     flat = board()
-    assert touch(flat, depth=-0.01)[0] == c.ONGOING
+    assert contact_result(flat, depth=-0.01)[0] == c.ONGOING
     tilt = 0.3
     q = np.array([math.cos(tilt / 2), 0.0, math.sin(tilt / 2), 0.0])
     lowest = DISC.magnet_below * math.cos(tilt) + DISC.footprint_radius * math.sin(tilt)
@@ -81,17 +81,17 @@ def test_contact_begins_at_the_lowest_point_of_a_tilted_disc():
         ({"elapsed": 5.01}, "time", False),
     ],
 )
-def test_each_broken_rule_has_its_reason(kwargs, reason, attached):
-    code, seen = touch(board(1.0, 0.4, 2.0), **kwargs)
+def test_each_violated_rule_has_its_reason(kwargs, reason, attached):
+    code, seen = contact_result(board(1.0, 0.4, 2.0), **kwargs)
     assert code == c.FAIL and seen.reason == reason and seen.attached is attached and not seen.within_tolerance
 
 
 def test_hard_contact_is_within_tolerance_but_not_attached():
-    code, seen = touch(board(0.5), normal=-2.0)
+    code, seen = contact_result(board(0.5), normal=-2.0)
     assert code == c.SUCCESS and seen.within_tolerance and not seen.attached
 
 
-def test_violations_come_before_contact_and_not_finite_is_a_failure():
+def test_violations_precede_contact_and_non_finite_state_is_a_failure():
     out = np.zeros(result_row.DIM)
     level = np.array([1.0, 0.0, 0.0, 0.0])
     for p, reason in (
@@ -124,7 +124,7 @@ def test_contact_speed_includes_both_turn_rates():
     assert c.view(out).tangential_speed == pytest.approx(2.0 * DISC.magnet_below)
 
 
-def test_the_bonus_is_one_at_perfection_and_zero_at_the_tolerances():
+def test_contact_bonus_is_one_at_zero_error_and_zero_at_the_tolerances():
     rules, out = RULES.row(DISC), np.zeros(result_row.DIM)
     assert c.accuracy_bonus(out, rules) == pytest.approx(1.0)
     out[result_row.PLANAR], out[result_row.TANGENTIAL_SPEED], out[result_row.NORMAL_ERROR] = (

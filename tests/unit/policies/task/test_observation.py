@@ -51,10 +51,10 @@ def observe(boards, p, v, q, stride=1, rho=1.0, action=(0, 0, 0, 0), gain=1.0, d
     return out
 
 
-def test_newest_entry_by_hand():
+def test_newest_entry_agrees_with_hand_calculation():
     p = np.array([1.0, 4.0, 2.5])
-    told = {"rho": 0.4, "action": (0.1, 0.2, 0.3, 0.4), "gain": 1.1, "drag": 0.3, "sigma": 0.02}
-    out = observe([BOARD], p, np.zeros(3), quaternion(0, 0, math.pi / 2), **told)
+    inputs = {"rho": 0.4, "action": (0.1, 0.2, 0.3, 0.4), "gain": 1.1, "drag": 0.3, "sigma": 0.02}
+    out = observe([BOARD], p, np.zeros(3), quaternion(0, 0, math.pi / 2), **inputs)
     # drone faces +y: its x is the world's y, its y is the world's -x
     n = np.array([-math.sin(0.7) * math.cos(0.5), -math.sin(0.7) * math.sin(0.5), math.cos(0.7)])
     v = 2.0 * np.array([math.cos(0.5), math.sin(0.5)])
@@ -129,8 +129,8 @@ def test_builder_equals_the_kernel():
         assert np.array_equal(builder.build(start_ns + 10_000_000 * i, p, v, q, 0.8, action, 1.05, 0.3, 0.02), out)
 
 
-def test_between_two_steps_the_newest_entry_is_renewed():
-    """What a picture told 6 ms after a step takes that step's place; the next step comes on top of it."""
+def test_newest_entry_is_replaced_between_two_steps():
+    """A picture 6 ms after a step replaces the entry of that step; the next step adds an entry."""
     start_ns, builder = 5_000_000_000, ObservationBuilder(stride=1)
     p, q, action = np.zeros(3), quaternion(0.0, 0.0, 0.0), np.zeros(4)
     times = []

@@ -24,13 +24,13 @@ def shape(p, v=ZERO3, q=LEVEL, w=ZERO3, board=FLAT, action=ZERO4, previous=ZERO4
     return out
 
 
-def test_weights_are_the_paper_s():
+def test_default_reward_weights_agree_with_the_paper():
     row = RewardWeights().row()
     assert row[:14].tolist() == [1.0, 1.2, 2.7, 1.5, 4.0, 6.0, 1.5, 4.0, -200.0, 900.0, 5.0, 1.5, 0.3, 0.8]
     assert row[14:17].tolist() == [5.0, 4.0, 0.0]
 
 
-def test_guide_and_align_level_over_flat_board():
+def test_guide_and_align_rewards_are_right_level_over_a_flat_board():
     # 2 m behind, 1 m above: |p_rel| = sqrt(5), no attitude error; v_rel = (1, 0, 0) - (1, 0, 0)
     out = shape([-2.0, 0.0, 2.5], v=[1.0, 0.0, 0.0], w=[0.0, 0.0, 0.5])
     guide = 1.0 / (1.0 + 1.2**2 * 5.0)
@@ -38,7 +38,7 @@ def test_guide_and_align_level_over_flat_board():
     assert out[terms_row.ALIGN] == pytest.approx(guide * (2.7 * 1.0 + 1.0 + 1.0 / 1.25))
 
 
-def test_guide_and_align_with_attitude_and_velocity_error():
+def test_guide_and_align_rewards_are_right_with_attitude_and_velocity_error():
     inclined = FLAT.copy()
     inclined[6] = math.radians(60)
     out = shape([0.0, 0.0, 1.5], v=[1.0, 2.0, 0.0], board=inclined)
@@ -48,7 +48,7 @@ def test_guide_and_align_with_attitude_and_velocity_error():
     assert out[terms_row.ALIGN] == pytest.approx(guide * (2.7 * 0.5625 + 1.0 / (1.0 + 9.0) + 1.0))
 
 
-def test_action_time_and_aggressiveness():
+def test_action_time_and_aggressiveness_rewards_agree_with_the_paper():
     out = shape([-2.0, 0.0, 2.5], action=np.array([0.6, 0.0, 0.0, 0.8]), previous=np.array([0.6, 0.0, 0.0, 0.3]))
     assert out[terms_row.ACT] == pytest.approx(4.0 * math.exp(-1.0) + 6.0 * math.exp(-0.5))
     assert out[terms_row.TIME] == -4.0
@@ -58,7 +58,7 @@ def test_action_time_and_aggressiveness():
     assert shape([-2.0, 0.0, 2.5], v=[0.0, 6.0, 0.0])[terms_row.AGGR] == pytest.approx(1.5 * math.exp(-(math.e - 1.0)))
 
 
-def test_active_perception():
+def test_active_perception_reward_agrees_with_the_paper():
     out, weights = np.zeros(terms_row.DIM), RewardWeights().row()
     active_perception(0.2, 0.9, 0.4, weights, out)
     assert out[terms_row.ESTIMATE] == pytest.approx(-1.5 * (1.0 + 5.0 * 0.5) * 0.2)
@@ -68,9 +68,9 @@ def test_active_perception():
     assert out[terms_row.PERCEPTION] == 0.0
 
 
-def result(outcome, planar=0.1, speed=0.3, angle=0.05, normal=-0.5, touched=1.0):
+def result(outcome, planar=0.1, speed=0.3, angle=0.05, normal=-0.5, made_contact=1.0):
     row = np.zeros(result_row.DIM)
-    row[result_row.OUTCOME], row[result_row.TOUCHED] = outcome, touched
+    row[result_row.OUTCOME], row[result_row.TOUCHED] = outcome, made_contact
     row[result_row.PLANAR], row[result_row.TANGENTIAL_SPEED] = planar, speed
     row[result_row.NORMAL_ERROR], row[result_row.NORMAL_SPEED] = angle, normal
     return row
@@ -82,7 +82,7 @@ def finish(row, weights=None):
     return out
 
 
-def test_terminal_of_algorithm_1():
+def test_terminal_reward_agrees_with_algorithm_1():
     bonus = (0.5**2 + 0.5**2 + 0.75**2) / 3.0
     assert finish(result(contact.SUCCESS))[terms_row.TERMINAL] == pytest.approx(900.0 * (1.0 + bonus))
     assert finish(result(contact.SUCCESS, 0.0, 0.0, 0.0))[terms_row.TERMINAL] == pytest.approx(1800.0)
@@ -102,8 +102,8 @@ def test_impact_band_and_near_miss_are_off_by_default():
     share = closeness(miss, ContactRules().row(DISC))
     assert share == pytest.approx(1.0 / (1.0 + (4.0 + 1.0 + 1.0) / 3.0))
     assert finish(miss, weights)[terms_row.TERMINAL] == pytest.approx(-200.0 * (1.0 - 0.5 * share))
-    assert finish(result(contact.FAIL, touched=0.0), weights)[terms_row.TERMINAL] == -200.0
+    assert finish(result(contact.FAIL, made_contact=0.0), weights)[terms_row.TERMINAL] == -200.0
 
 
-def test_total_is_the_sum():
+def test_total_reward_is_the_sum_of_its_terms():
     assert total(np.arange(terms_row.DIM, dtype=float)) == pytest.approx(terms_row.DIM * (terms_row.DIM - 1) / 2)

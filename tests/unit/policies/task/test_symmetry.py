@@ -33,7 +33,7 @@ def observed(signs, seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
+def test_observation_of_a_reflected_scene_has_the_reflection_signs(seed):
     ones = (np.ones(3), np.ones(4), np.ones(8), np.ones(4))
     seen = observed(ones, seed)
     image = observed((VECTOR, TURN, BOARD, np.array(ACTION_SIGNS)), seed)
@@ -41,7 +41,7 @@ def test_the_mirror_image_of_a_scene_is_observed_as_the_signs_say(seed):
     assert np.abs(image - seen).max() > 0.1
 
 
-def test_the_vehicle_flies_the_mirror_image_under_symmetric_actions():
+def test_vehicle_flies_the_reflected_path_under_reflected_actions():
     rng, airframe = np.random.default_rng(2), load_airframe("paper_quad")
     params, limits = airframe.params_row(), airframe.limits_row()
     row, command = d.vehicle_row((0.0, 0.0, 2.0), motor=0.4), np.zeros(4)

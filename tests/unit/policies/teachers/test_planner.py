@@ -23,7 +23,7 @@ NS = 1e9
 
 
 def views(env):
-    """What a flight would tell its policy about row 0 now."""
+    """The inputs of a policy in flight, for row 0 now."""
     rows = env.rows
     now = rows.state[0, episode_row.STEP] * TICK
     x, p = np.zeros(8), np.zeros(belief_state.DIM * belief_state.DIM)
@@ -43,7 +43,7 @@ def views(env):
 
 
 @pytest.mark.parametrize(("source", "flying"), [(LEARNED, LearnedPlannerPolicy), (ANALYTIC, PlannerPolicy)])
-def test_in_the_environment_and_in_flight_the_planner_gives_the_same_commands(source, flying):
+def test_planner_commands_are_equal_in_environment_and_flight(source, flying):
     env = Env(EnvConfig(stage="vision", count=1, seed=3, inclination_deg=(20.0, 40.0), speed=(1.0, 1.5)))
     env.reset()
     gain_reset(env.rows.gain[0], GRAVITY)  # a flight's planner begins without having hovered

@@ -58,7 +58,7 @@ def test_all_recipes_load():
     assert (env.stride, env.speed, env.weights.row()[16]) == (1, (0.0, 2.5), 0.0)
 
 
-def test_the_learned_baseline_narrows_its_goal_to_the_paper_s_and_is_paid_for_nothing_but_reaching_it():
+def test_learned_baseline_tightens_its_tolerances_to_the_paper_with_a_sparse_reward():
     recipe = load_recipe("incline-lander")
     envs = [recipe.env_config("state", 1, phase) for phase in recipe.phase]
     limits = [(env.rules.delta_d, env.rules.delta_v, env.rules.delta_theta) for env in envs]
@@ -91,7 +91,7 @@ def test_the_learned_baseline_narrows_its_goal_to_the_paper_s_and_is_paid_for_no
         ("width = 128", "width = 0", "width is 0"),
     ],
 )
-def test_bad_recipes_say_what_is_wrong(tiny, old, new, words):
+def test_error_of_an_invalid_recipe_names_the_fault(tiny, old, new, words):
     tiny.write_text(TINY.replace(old, new))
     with pytest.raises(RecipeError, match=words) as error:
         load_recipe(tiny)
@@ -104,7 +104,7 @@ def test_unknown_recipe_names_the_nearest():
     assert FOLDER.is_dir()
 
 
-def test_run_resume_and_what_is_left_behind(tiny, tmp_path):
+def test_resumed_training_equals_an_uninterrupted_one(tiny, tmp_path):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     recipe = load_recipe(tiny)
     policy = run(recipe, "state", 3, whole)
@@ -129,7 +129,7 @@ def test_run_resume_and_what_is_left_behind(tiny, tmp_path):
         run(recipe, "state", 4, whole, resume=True)
 
 
-def test_vision_run_from_a_state_actor(tiny, tmp_path):
+def test_vision_training_starts_from_a_state_actor(tiny, tmp_path):
     run(load_recipe(tiny), "state", 1, tmp_path / "s")
     stopped = tmp_path / "v"
     run(load_recipe(tiny), "vision", 1, stopped, parent=tmp_path / "s", stop=lambda: True)
@@ -158,7 +158,7 @@ def test_a_checkpoint_of_another_version_is_refused(tiny, tmp_path):
         load_actor(path)
 
 
-def test_what_is_not_finite_is_named_and_the_last_good_checkpoint_kept(tiny, tmp_path):
+def test_non_finite_value_is_named_and_the_last_finite_checkpoint_kept(tiny, tmp_path):
     """A reward weight turns to NaN in the second phase; the first one's checkpoint stays and can be gone on from."""
     tiny.write_text(TINY.replace("impact = 100.0", "aggressiveness = nan"))
     with pytest.raises(DivergedError, match=r"reward term .*aggr.*last good checkpoint is kept") as error:
@@ -170,7 +170,7 @@ def test_what_is_not_finite_is_named_and_the_last_good_checkpoint_kept(tiny, tmp
     read_contract(tmp_path / "run" / POLICY)
 
 
-def test_weights_that_are_not_finite_are_never_saved(tiny, tmp_path, monkeypatch):
+def test_non_finite_weights_are_never_saved(tiny, tmp_path, monkeypatch):
     plain = Dagger.step
 
     def poisoned(self):
@@ -186,7 +186,7 @@ def test_weights_that_are_not_finite_are_never_saved(tiny, tmp_path, monkeypatch
     assert not (tmp_path / "run" / CHECKPOINT).exists()
 
 
-def test_what_is_wrong_is_one_line(tiny, tmp_path):
+def test_missing_or_damaged_checkpoint_and_unknown_device_raise_training_errors(tiny, tmp_path):
     with pytest.raises(TrainingError, match="does not exist"):
         run(load_recipe(tiny), "state", 1, tmp_path / "none", resume=True)
     (tmp_path / CHECKPOINT).write_bytes(b"not a checkpoint")
@@ -196,7 +196,7 @@ def test_what_is_wrong_is_one_line(tiny, tmp_path):
         run(load_recipe(tiny), "state", 1, tmp_path / "gpu", device="gpu")
 
 
-def test_curve_drops_what_came_after_the_checkpoint(tmp_path):
+def test_curve_drops_rows_after_the_checkpoint(tmp_path):
     path = tmp_path / "c.csv"
     curve = Curve(path, None)
     for k in range(5):
@@ -222,13 +222,13 @@ def test_changes_of_a_recipe_are_checked_as_the_file_is(tiny):
             recipe.changed([change])
 
 
-def test_an_airframe_that_is_not_there_is_one_line(tiny, tmp_path):
+def test_missing_airframe_raises_a_one_line_error(tiny, tmp_path):
     recipe = load_recipe(tiny).changed(["env.airframe=papr_quad"])
     with pytest.raises(TrainingError, match="did you mean 'paper_quad'"):
         run(recipe, "state", 1, tmp_path / "run")
 
 
-def test_a_device_without_memory_enough_names_the_settings_to_lower(tiny, tmp_path, monkeypatch):
+def test_out_of_memory_error_names_the_settings_to_lower(tiny, tmp_path, monkeypatch):
     def full(self):
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB")
 

@@ -1,4 +1,4 @@
-"""Training works: the smoke recipe, from weights that perch never to weights that perch."""
+"""Training works: the smoke recipe, from weights that never perch to weights that perch."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from policies.training.run import run
 
 
 @pytest.mark.slow
-def test_success_beats_its_start(tmp_path):
+def test_smoke_training_raises_success(tmp_path):
     recipe = load_recipe("smoke")
     env = replace(recipe.env_config("state", 1), count=100, seed=evaluation_seed(1))
 

@@ -76,7 +76,7 @@ def test_wrong_prior_is_dropped_after_seven_misses():
     assert d.outcomes == {"no tag": 7, "found": 1}
 
 
-def test_the_search_around_a_prior_grows_with_every_miss_and_never_costs_more_than_to_look_everywhere():
+def test_search_around_a_prior_grows_with_every_miss_up_to_the_whole_picture():
     vehicle, board = view(2.0)
     R, p, up = board_in_camera(vehicle, board)
     aside = (R, p + np.array([0.35, 0.0, 0.0]))  # what a belief is wrong by after half a second without sight
@@ -150,7 +150,7 @@ def test_a_duplicate_tag_is_counted_and_not_used():
     assert d.outcomes["duplicate"] == 1
 
 
-def test_a_tag_cut_by_the_edge_is_not_trusted():
+def test_tag_cut_by_the_picture_edge_is_not_used():
     vehicle, board = view(1.0, 10.0)
     R, p, up = board_in_camera(vehicle, board)
     # Move the picture down until the lowest corner stands on the last row but one
@@ -194,7 +194,7 @@ def test_fit_recovers_the_pose_from_corners(distance, incidence, roll, aside, se
     points = BOARD.corners_by_id[0]
     noise = np.random.default_rng(seed).normal(0.0, 0.01, (4, 2))
     fits = fit_poses(points, pixels(points, R, p) + noise, np.full(4, 0.01), CAMERA.matrix, (R, p))
-    # one of the explanations is the truth, to what the covariance says
+    # one of the two poses is the truth, within its covariance
     z = [np.linalg.norm(fit.p - p) / math.sqrt(np.trace(fit.covariance[3:, 3:])) for fit in fits]
     assert min(z) < 5.0
 
@@ -215,7 +215,7 @@ def test_covariance_is_that_of_repeated_fits():
     assert turns.std(axis=0) == pytest.approx(np.sqrt(np.diag(predicted)), rel=0.25)
 
 
-def test_prior_or_up_selects_between_mirrored_poses():
+def test_prior_or_up_selects_between_ambiguous_poses():
     """From afar both explanations of four corners fit; the prior or the horizon decides."""
     vehicle, board = view(6.0, 20.0)
     R, p, up = board_in_camera(vehicle, board)
@@ -229,7 +229,7 @@ def test_prior_or_up_selects_between_mirrored_poses():
     assert float(wrong.R[:, 2] @ R[:, 2]) < math.cos(math.radians(25.0))
     assert d._choose(fits, (wrong.R, wrong.p), None) == (wrong, False)
     assert d._choose(fits, (R, p), None)[0] is not wrong
-    # Neither prior nor horizon (straight behind, both boards are level): only a clear difference of the residuals tells
+    # Neither prior nor horizon (straight behind, both boards are level): only a clear residual difference decides
     for rms, other_rms, doubt in ((0.1, 0.29, True), (0.1, 0.31, False), (0.0, 0.11, True), (0.03, 0.13, False)):
         rivals = [replace(fits[0], rms=rms), replace(fits[1], rms=other_rms)]
         assert d._choose(rivals, None, up)[1] is doubt
@@ -238,7 +238,7 @@ def test_prior_or_up_selects_between_mirrored_poses():
 @pytest.mark.parametrize("turned_deg", [-80.0, -50.0, 50.0, 80.0])
 def test_detector_recovers_from_a_wrong_prior(turned_deg):
     """As Normal-I's seed 306 ended: the board came back into the picture, but a belief that had turned on by 50 deg
-    chose its mirror image, whose residual was too large, until the board was out of the picture again."""
+    chose the ambiguous pose, whose residual was too large, until the board was out of the picture again."""
     vehicle, board = view(5.0, 40.0)
     board[6:10] = from_matrix(rotation_from_car(0.3, math.radians(70.0)))
     R, p, up = board_in_camera(vehicle, board)
@@ -251,7 +251,7 @@ def test_detector_recovers_from_a_wrong_prior(turned_deg):
 
 
 def test_reprojection_error_selects_the_pose_straight_behind_the_board():
-    """As Simple-I's seed 207 begins: neither prior nor horizon can tell, and the drone hovers until something does."""
+    """As Simple-I's seed 207 begins: neither prior nor horizon decides, and the vehicle hovers until one does."""
     found = 0
     for k in range(20):
         vehicle, board = view(5.0 + 0.03 * k, -8.0)
@@ -265,8 +265,8 @@ def test_reprojection_error_selects_the_pose_straight_behind_the_board():
     assert found >= 10
 
 
-def test_horizon_selects_between_mirrored_poses():
-    """A board that faces to one side: mirrored about the line of sight its y axis would not be horizontal."""
+def test_horizon_selects_between_ambiguous_poses():
+    """A board that faces to one side: reflected about the line of sight its y axis would not be horizontal."""
     vehicle, board = view(6.0, 5.0)
     board[6:10] = from_matrix(rotation_from_car(0.45, math.radians(50.0)))
     R, p, up = board_in_camera(vehicle, board)

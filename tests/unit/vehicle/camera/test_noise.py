@@ -29,7 +29,7 @@ def observe_many(count, noise=PAPER, scale=1.0, bias=NO_BIAS, speed=2.0):
     return p, q, direction, out
 
 
-def test_scaling_is_the_papers_formula():
+def test_noise_scaling_agrees_with_the_formula_of_the_paper():
     p, _, direction = scene()
     d, ca, ci, v = n.viewing_condition(
         np.zeros(3), VEHICLE_Q, np.array([2.0, 0.0, 0.0]), p, 0.0, 0.0, 1.0, np.array([0.0, 1.0, 0.0]), CAM
@@ -41,7 +41,7 @@ def test_scaling_is_the_papers_formula():
     assert n.predicted_sigmas(d, ca, ci, v, PAPER, 0.1) == pytest.approx([0.1 * e for e in expected])
 
 
-def test_position_noise_has_the_moments_it_predicts_in_the_optical_frame():
+def test_position_noise_has_its_predicted_moments_in_the_optical_frame():
     p, _, _, out = observe_many(6000)
     errors = np.array([optical_from_world(VEHICLE_Q, *e, CAM) for e in out[:, :3] - p])
     lateral, depth = out[0, detection_row.SIGMA_LATERAL], out[0, detection_row.SIGMA_DEPTH]
@@ -63,7 +63,7 @@ def test_rotation_noise_is_a_gaussian_angle_about_a_uniform_axis():
     assert np.allclose(np.linalg.norm(out[:, 3:7], axis=1), 1.0)
 
 
-def test_without_noise_the_truth_comes_back_plus_bias():
+def test_camera_without_noise_measures_truth_plus_bias():
     p, q, _, out = observe_many(1, scale=0.0)
     assert np.allclose(out[0, :3], p)
     assert np.allclose(out[0, 3:7], q)
@@ -73,7 +73,7 @@ def test_without_noise_the_truth_comes_back_plus_bias():
     assert np.allclose(out[0, 3:7], bias[3:])
 
 
-def test_bias_moments():
+def test_camera_bias_has_its_configured_moments():
     rng, bias = stream(3), np.zeros(bias_row.DIM)
     rows = []
     for _ in range(4000):

@@ -112,7 +112,7 @@ def test_near_the_board_only_the_small_tags_count():
     assert c.board_visibility(np.zeros(3), LEVEL, p, R, LARGE_ROW) == 0
 
 
-def test_edge_of_the_picture():
+def test_board_is_invisible_beyond_the_picture_edge():
     # Facing at 3 m: the large tag is 81 px wide; slide the vehicle sideways until a corner reaches the margin.
     p, R = facing(3.0)
     half_px = CAM.fx * 0.168 / 3.0
@@ -157,6 +157,6 @@ def test_nan_is_not_visible():
 @pytest.mark.parametrize(
     "change", [{"width": 4}, {"fx": 0.0}, {"tilt": math.nan}, {"max_incidence": 2.0}, {"max_range": -1.0}]
 )
-def test_bad_cameras_are_refused(change):
+def test_invalid_cameras_are_refused(change):
     with pytest.raises(ValueError, match="camera"):
         c.Camera(**change)

@@ -40,7 +40,7 @@ def test_equal_seeds_measure_equally_and_others_do_not():
     assert samples(5, seed=1) != samples(5, seed=2)
 
 
-def test_without_noise_the_truth_comes_back():
+def test_mocap_without_noise_measures_the_truth():
     (seen,) = samples(1, noise=MocapNoise(0.0, 0.0, 0.0, 0.0))
     assert seen[:2] == STATE[:2] and seen[3] == STATE[3]
     assert seen[2] == pytest.approx(STATE[2])

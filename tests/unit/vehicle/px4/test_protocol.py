@@ -97,7 +97,7 @@ def test_garbage_between_frames_is_counted_and_dropped(noise):
 
 
 @given(st.binary(max_size=600))
-def test_no_bytes_make_the_parser_raise_or_lose_what_follows(noise):
+def test_parser_neither_raises_nor_loses_frames_after_arbitrary_bytes(noise):
     frame = Packer(1, 1).send_name("PING", 5, 6, 0, 0)
     parser = Parser()
     parser.feed(noise)
@@ -150,7 +150,7 @@ def test_modes_are_numbered_as_px4_numbers_them(custom, number, name):
 
 
 @pytest.mark.parametrize("mask", [0x80, 0x84, 0xC0, 0xA0])
-def test_masks_that_are_rate_setpoints(mask):
+def test_rate_setpoint_masks_are_recognised(mask):
     assert px4.counts_as_rates(mask) and not px4.counts_as_attitude(mask)
 
 
@@ -164,7 +164,7 @@ def test_masks_in_which_attitude_overrides_rates(mask):
     assert px4.counts_as_attitude(mask) and not px4.counts_as_rates(mask)
 
 
-def test_position_masks():
+def test_position_setpoint_masks_are_recognised():
     assert px4.counts_as_position(px4.POSITION_YAW)
     assert px4.counts_as_position(0x1C7)
     assert not px4.counts_as_position(0x1FF)

@@ -51,19 +51,19 @@ def test_hover_command_carries_the_nominal_weight(name):
     )
 
 
-def test_sih_is_the_measured_vehicle():
+def test_sih_airframe_agrees_with_the_measured_vehicle():
     row = af.load_airframe("sih_quad").params_row()
     assert row[airframe_row.MOTOR_THRUST] == pytest.approx(5.0, rel=1e-6)
     assert row[airframe_row.MOTOR_THRUST] * row[airframe_row.YAW_TORQUE] == pytest.approx(0.1, rel=1e-6)
 
 
-def test_a_file_of_ones_own_is_read_and_named_after_itself(tmp_path):
+def test_own_airframe_file_is_read_and_named_after_its_file(tmp_path):
     (tmp_path / "mine.toml").write_text(GOOD)
     assert af.load_airframe(tmp_path / "mine.toml").name == "mine"
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         (("mass = 1.0", "mass = -1.0"), "body.mass"),
         (("mass = 1.0", "mass = nan"), "body.mass"),
@@ -79,12 +79,12 @@ def test_a_file_of_ones_own_is_read_and_named_after_itself(tmp_path):
         (('title = "t"', 'title = "t'), "not valid TOML"),
     ],
 )
-def test_errors_name_file_and_key(tmp_path, change, says):
+def test_errors_name_file_and_key(tmp_path, change, message):
     path = tmp_path / "broken.toml"
     path.write_text(GOOD.replace(*change))
     with pytest.raises(ValueError, match=r"broken\.toml") as error:
         af.load_airframe(path)
-    assert says in str(error.value)
+    assert message in str(error.value)
 
 
 def test_unknown_names_suggest_the_nearest():

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from vehicle.quadrotor import airframe as af
-from vehicle.quadrotor import airframe_row, order_row, state_row
-from vehicle.quadrotor import batch as fleet
+from vehicle.quadrotor import airframe_row, batch, order_row, state_row
 from vehicle.quadrotor import dynamics as d
 from vehicle.quadrotor.rate_control import fly
 
@@ -59,7 +58,7 @@ def test_batch_equals_single_vehicles_bit_for_bit(count, violence, some_saturate
         orders = orders_for(rng, count, violence)
         if not some_saturate:
             orders[:, [order_row.OLDER + 3, order_row.NEWER + 3]] = af.GRAVITY
-        fleet.fly_rows(rows, orders, params, PERIOD, SUBSTEPS)
+        batch.fly_rows(rows, orders, params, PERIOD, SUBSTEPS)
         for row, order, airframe in zip(each, orders, params, strict=True):
             alone(row, order, airframe)
         saturated |= bool((rows[:, state_row.HEADROOM_UP : state_row.DIM] == 0.0).any())
@@ -71,9 +70,9 @@ def test_nan_rate_keeps_the_present_rate_and_leaves_other_columns_unchanged():
     rows, params, rng = scattered(8)
     orders = orders_for(rng, 8, 1.0)
     calm = rows.copy()
-    fleet.fly_rows(calm, orders, params, PERIOD, SUBSTEPS)
+    batch.fly_rows(calm, orders, params, PERIOD, SUBSTEPS)
     orders[3, [order_row.OLDER + 2, order_row.NEWER + 2]] = np.nan
-    fleet.fly_rows(rows, orders, params, PERIOD, SUBSTEPS)
+    batch.fly_rows(rows, orders, params, PERIOD, SUBSTEPS)
     assert np.isfinite(rows).all()
     others = np.arange(8) != 3
     np.testing.assert_array_equal(rows[others], calm[others])
@@ -81,9 +80,9 @@ def test_nan_rate_keeps_the_present_rate_and_leaves_other_columns_unchanged():
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names of instructions are those of x86_64")
-def test_the_loops_over_vehicles_are_vector_instructions():
+def test_loops_over_vehicles_compile_to_vector_instructions():
     rows, params, rng = scattered(8)
-    fresh = numba.njit(error_model="numpy")(fleet.fly_block.py_func)
+    fresh = numba.njit(error_model="numpy")(batch.fly_block.py_func)
     fresh(rows, orders_for(rng, 8, 1.0), params, 0, PERIOD / SUBSTEPS, SUBSTEPS)
     [code] = fresh.inspect_asm().values()
     packed, scalar = (len(re.findall(rf"\bv?mul{kind}\b", code)) for kind in ("pd", "sd"))

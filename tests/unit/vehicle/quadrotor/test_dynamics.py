@@ -27,13 +27,13 @@ def run(row, motors, params, seconds, dt=DT):
     return row
 
 
-def test_without_thrust_it_falls_at_g():
+def test_vehicle_without_thrust_falls_at_g():
     row = run(d.vehicle_row((0.0, 0.0, 10.0)), (0.0,) * 4, free_of_air(), 1.0)
     assert row[state_row.P : state_row.P + 3] == pytest.approx([0.0, 0.0, 10.0 - 0.5 * af.GRAVITY], abs=1e-9)
     assert row[state_row.F : state_row.F + 3] == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_hover_command_hovers():
+def test_hover_command_keeps_altitude():
     hover = PAPER[airframe_row.HOVER_THRUST]
     row = run(d.vehicle_row((1.0, 2.0, 3.0), motor=hover), (hover,) * 4, PAPER, 2.0)
     assert row[state_row.P : state_row.V + 3] == pytest.approx([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], abs=1e-9)
@@ -46,7 +46,7 @@ def test_motors_lag_first_order():
     assert row[state_row.MOTOR : state_row.MOTOR + 4] == pytest.approx([1 - math.exp(-1)] * 4)
 
 
-def test_drag_brings_it_to_the_speed_of_the_wind():
+def test_drag_accelerates_the_vehicle_to_the_wind_speed():
     row = d.vehicle_row(motor=PAPER[airframe_row.HOVER_THRUST])
     row[state_row.WIND : state_row.WIND + 3] = (3.0, -2.0, 0.0)
     run(row, (PAPER[airframe_row.HOVER_THRUST],) * 4, PAPER, 60.0)
@@ -57,7 +57,7 @@ def test_drag_brings_it_to_the_speed_of_the_wind():
     ("motors", "axis", "sign"),
     [((0.4, 0.5, 0.5, 0.4), 0, 1), ((0.4, 0.5, 0.4, 0.5), 1, 1), ((0.4, 0.4, 0.5, 0.5), 2, 1)],
 )
-def test_motors_turn_it_the_way_px4_numbers_them(motors, axis, sign):
+def test_motor_torques_follow_the_motor_numbers_of_px4(motors, axis, sign):
     row = run(d.vehicle_row(motor=0.45), motors, PAPER, 0.1)
     rates = row[state_row.W : state_row.W + 3]
     assert sign * rates[axis] > 0.05

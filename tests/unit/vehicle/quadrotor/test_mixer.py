@@ -1,4 +1,4 @@
-"""Control allocation: what was asked where motors can give it, PX4's order of sacrifice where they cannot."""
+"""Control allocation: the asked torques within the motor limits, the priorities of PX4 beyond them."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ torque = st.floats(-1.0, 1.0)
 
 
 @given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-0.1, 0.1), st.floats(0.4, 0.6))
-def test_an_unsaturated_mix_gives_what_was_asked(roll, pitch, yaw, thrust):
+def test_unsaturated_mix_gives_the_asked_torques(roll, pitch, yaw, thrust):
     u = np.array(mix(roll, pitch, yaw, thrust, A, B))
     assert u.mean() == pytest.approx(thrust)
     assert mix_freely(roll, pitch, yaw, thrust, A, B) == (tuple(u), 0.0)
@@ -32,7 +32,7 @@ def test_a_saturated_mix_stays_in_range_and_never_adds_thrust(roll, pitch, yaw, 
     assert u.mean() <= thrust + 0.08
 
 
-def test_thrust_yields_to_roll_and_yaw_yields_to_roll():
+def test_mixer_prefers_roll_over_thrust_and_yaw():
     full = np.array(mix(0.3, 0.0, 0.0, 1.0, A, B))
     assert (-full[0] + full[1] + full[2] - full[3]) / (4 * A) == pytest.approx(0.3)
     assert full.mean() < 0.85
@@ -46,7 +46,7 @@ def test_without_thrust_there_is_no_torque():
 
 
 @given(torque, torque, torque, st.floats(0.0, 1.0))
-def test_where_nothing_saturates_the_free_mix_is_the_mix(roll, pitch, yaw, thrust):
+def test_free_mix_equals_the_mix_without_saturation(roll, pitch, yaw, thrust):
     freely, saturated = mix_freely(roll, pitch, yaw, thrust, A, B)
     assert saturated == 1.0 or freely == mix(roll, pitch, yaw, thrust, A, B)
 

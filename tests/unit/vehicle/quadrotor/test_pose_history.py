@@ -12,7 +12,7 @@ def _pose(x: float, yaw: float = 0.0, speed: float = 1.0, yaw_rate: float = 0.0)
     )
 
 
-def test_interpolates_between_samples_and_across_the_quaternion_sign():
+def test_pose_history_interpolates_across_the_quaternion_sign():
     history = PoseHistory()
     history.add(0, _pose(0.0, 0.0))
     flipped = _pose(1.0, 0.2)
@@ -23,7 +23,7 @@ def test_interpolates_between_samples_and_across_the_quaternion_sign():
     assert np.allclose(middle.orientation, _pose(0, 0.1).orientation, atol=1e-5)
 
 
-def test_extrapolates_with_the_twist_but_not_far():
+def test_pose_history_extrapolates_with_the_twist_up_to_a_limit():
     history = PoseHistory(extrapolate_ns=30_000_000)
     history.add(0, _pose(0.0, yaw=0.3, speed=2.0, yaw_rate=1.0))
     ahead = history.at(10_000_000)

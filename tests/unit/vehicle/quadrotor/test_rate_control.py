@@ -65,7 +65,7 @@ def test_steps_follow_the_real_px4(name):
 
 
 @pytest.mark.parametrize("name", ["roll 2.0", "pitch 2.0", "yaw 1.0"])
-def test_a_finer_step_is_the_same_loop(name):
+def test_rate_loop_agrees_with_px4_at_a_finer_step(name):
     assert step_response_rms(name, substeps=2) < 1.4 * BARS[name]
 
 

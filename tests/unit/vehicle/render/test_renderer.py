@@ -57,7 +57,7 @@ def test_samples_are_centred_and_inside(count):
 
 
 @pytest.mark.parametrize(("distance", "incidence"), [(0.45, 5.0), (0.8, 0.0), (0.8, 50.0), (2.0, 30.0), (2.0, 65.0)])
-def test_rendered_corners_are_where_projection_says(distance, incidence):
+def test_rendered_corners_agree_with_the_projection(distance, incidence):
     vehicle, board = view(distance, incidence, roll=0.1, aside=0.05)
     R, p, _ = board_in_camera(vehicle, board)
     tags = TagDetector().detect(RENDERER.render(vehicle, board, STILL, 0), 1.0)
@@ -65,7 +65,7 @@ def test_rendered_corners_are_where_projection_says(distance, incidence):
     assert np.abs(large.corners - pixels(BOARD.corners_by_id[0], R, p)).max() < 0.1
 
 
-def test_small_tags_are_where_projection_says():
+def test_small_tags_agree_with_the_projection():
     vehicle, board = view(0.3, 20.0, roll=0.1, aside=0.05)
     R, p, _ = board_in_camera(vehicle, board)
     tags = [t for t in TagDetector().detect(RENDERER.render(vehicle, board, STILL, 0), 1.0) if t.id > 0]
@@ -156,7 +156,7 @@ def test_board_behind_or_around_the_camera_renders_without_error():
         assert picture.shape == (720, 1280)
 
 
-def test_bad_input_is_refused():
+def test_invalid_render_input_is_refused():
     vehicle, board = view(1.0)
     broken = vehicle.copy()
     broken[4] = math.nan

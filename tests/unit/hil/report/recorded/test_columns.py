@@ -34,7 +34,7 @@ def columns(kind, messages):
 
 
 @given(st.lists(SENT, min_size=1, max_size=40))
-def test_every_field_is_what_the_messages_say(messages):
+def test_columns_equal_the_fields_of_the_messages(messages):
     read = columns(Sent, messages)
     assert read.messages.faults() == {}
     np.testing.assert_array_equal(read.nanoseconds(), [m.stamp_ns for m in messages])
@@ -44,7 +44,7 @@ def test_every_field_is_what_the_messages_say(messages):
     assert [text.rstrip("\0") for text in read["tripped"]] == [m.tripped.rstrip("\0") for m in messages]
 
 
-def test_a_recorded_flight_reads_equal_both_ways():
+def test_columns_of_a_recorded_flight_equal_its_messages():
     for topic, read in load(GOLDEN_RUN).topics.items():
         for name in (f.name for f in dataclasses.fields(read.messages.kind)):
             values = [getattr(message, name) for message in read.messages]
@@ -53,13 +53,13 @@ def test_a_recorded_flight_reads_equal_both_ways():
                 np.testing.assert_array_equal(read[name], np.array(values), err_msg=f"{topic} {name}")
 
 
-def test_a_variance_of_changing_length_is_no_array():
+def test_variance_of_changing_length_is_not_an_array():
     one = Belief(0, True, (0.0,) * 3, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, (1.0, 2.0), 0.0, 0, 0.0)
     read = columns(Belief, [one, dataclasses.replace(one, variance=(1.0,))])["variance"]
     assert read.dtype == object and read.tolist() == [(1.0, 2.0), (1.0,)]
 
 
-def test_a_damaged_message_is_named_and_its_neighbours_are_not():
+def test_fault_names_only_the_damaged_message():
     good = codec(Event).encode(Event(5, "info", "a", "b"))
     bad = good[:-1] + b"\xff"  # no UTF-8
     assert list(packed(Event, [good, bad, good, b"\xff"]).faults()) == [1, 3]

@@ -24,14 +24,14 @@ def motion(position, orientation, velocity=(0.0, 0.0, 0.0), t=(0, 1_000_000_000)
 
 
 @given(QUATERNIONS)
-def test_axes_are_a_rotation(q):
+def test_axes_of_a_quaternion_are_a_rotation(q):
     R = axes(unit(q)[None])[0]
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(R) == pytest.approx(1.0)
 
 
 @given(ANGLES, st.floats(0.0, 1.4), QUATERNIONS, arrays(np.float64, 3, elements=st.floats(-2, 2)))
-def test_approach_is_what_the_referee_computes(heading, inclination, q, offset):
+def test_approach_agrees_with_the_referee(heading, inclination, q, offset):
     q, centre, disc = unit(q), np.array([1.0, -2.0, 1.5]), load_airframe("paper_quad").contact
     out = np.zeros(result_row.DIM)
     board_row = np.array([*centre, heading, 0.0, 0.0, inclination, 0.0])
@@ -52,7 +52,7 @@ def test_the_boards_pitch_is_its_inclination(heading, inclination):
     )
 
 
-def test_interpolation_stays_within_what_is_known_and_survives_a_sign_flip():
+def test_interpolation_does_not_extrapolate_and_handles_quaternion_sign_flips():
     q = np.array([[1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
     p = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
     between = at(Motion(np.array([0, 10, 20]), p, p, q), np.array([-1, 5, 15, 21]))
@@ -60,7 +60,7 @@ def test_interpolation_stays_within_what_is_known_and_survives_a_sign_flip():
     np.testing.assert_allclose(np.abs(between.orientation[1:3, 0]), 1.0)
 
 
-def test_hover_has_one_g_of_thrust_and_free_fall_none():
+def test_thrust_is_one_g_in_hover_and_zero_in_free_fall():
     t = np.arange(0, 1_000_000_000, 4_000_000)
     hover = motion((0, 0, 2), (1, 0, 0, 0), t=t)
     assert np.nanmax(np.abs(specific_thrust(hover) - 9.80665)) < 1e-9

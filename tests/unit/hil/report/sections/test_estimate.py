@@ -1,4 +1,4 @@
-"""NEES and NIS of a made-up filter: 1 if its errors are as large as it says, 4 if they are twice as large."""
+"""NEES and NIS of a made-up filter: 1 if its errors agree with its covariance, 4 if they are twice as large."""
 
 from types import SimpleNamespace
 
@@ -19,7 +19,7 @@ class Fake(dict):
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
-def test_nees_and_nis_tell_how_honest_the_filter_is(scale):
+def test_nees_and_nis_show_the_consistency_of_the_filter(scale):
     rng = np.random.default_rng(3)
     t = np.arange(N) * 10_000_000
     truth = Motion(t, np.column_stack([t / 1e9, 0 * t, 0 * t + 1.5]), np.zeros((N, 3)), np.tile([1.0, 0, 0, 0], (N, 1)))

@@ -22,7 +22,7 @@ def make(config=SMALL, env=ENV, **network):
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
-def test_learns_to_imitate(symmetric):
+def test_dagger_learns_to_imitate_its_teacher(symmetric):
     config = DaggerConfig(samples=64 * 8 * 40, horizon=8, batch=512, batches=8, teacher_fade=100_000)
     run = make(config, symmetric=symmetric)
     losses = []
@@ -32,7 +32,7 @@ def test_learns_to_imitate(symmetric):
 
 
 @pytest.mark.parametrize("teacher", ["expert", "vision"])
-def test_resume_gives_the_same_curve(teacher):
+def test_resumed_dagger_has_the_same_curve(teacher):
     config, env = replace(SMALL, teacher=teacher), replace(ENV, stride=8 if teacher == "vision" else 3)
     whole, half = make(config, env), make(config, env)
     curve = [whole.step() for _ in range(6)]
@@ -49,7 +49,7 @@ def test_resume_gives_the_same_curve(teacher):
         assert torch.equal(a, b)
 
 
-def test_numbers_that_are_not_finite_stop_the_run():
+def test_non_finite_values_stop_dagger():
     run = make()
     run.step()
     with torch.no_grad():

@@ -22,7 +22,7 @@ def make(config=SMALL, env=ENV):
     return Ppo(env, NETWORK, config, CPU)
 
 
-def test_pays_off_what_is_paid():
+def test_ppo_raises_a_reward_of_action_size_only():
     """With nothing but the action-size bonus, the policy learns to ask for little thrust change and small rates."""
     weights = RewardWeights(
         guide=0.0, action=40.0, smoothness=0.0, aggressiveness=0.0, time=0.0, failure=0.0, success=0.0
@@ -35,7 +35,7 @@ def test_pays_off_what_is_paid():
     assert rewards[-1] > rewards[0] * 1.15
 
 
-def test_resume_gives_the_same_curve():
+def test_resumed_ppo_has_the_same_curve():
     whole, half = make(), make()
     curve = [whole.step() for _ in range(5)]
     for _ in range(2):
@@ -50,7 +50,7 @@ def test_resume_gives_the_same_curve():
         assert torch.equal(a, b)
 
 
-def test_a_pull_to_the_clone_holds_the_actor():
+def test_penalty_towards_the_cloned_actor_limits_its_change():
     moved = []
     for clone in (0.0, 100.0):
         run = make(replace(SMALL, clone=clone, rate=1e-3, std=0.1))
@@ -61,14 +61,14 @@ def test_a_pull_to_the_clone_holds_the_actor():
     assert moved[1] < 0.3 * moved[0]
 
 
-def test_the_actor_rests_while_only_the_critic_learns():
+def test_actor_is_unchanged_while_only_the_critic_learns():
     run = make(replace(SMALL, critic_only=10_000_000))
     run.step()
     for a, b in zip(run.actor.trunk.parameters(), run.start.trunk.parameters(), strict=True):
         assert torch.equal(a, b)
 
 
-def test_noise_keeps_its_floor():
+def test_action_noise_stays_above_its_floor():
     run = make(replace(SMALL, std=0.1, std_floor=0.1, rate=1e-2))
     for _ in range(3):
         run.step()

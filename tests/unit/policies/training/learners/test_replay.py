@@ -21,7 +21,7 @@ def test_replay_keeps_the_newest_samples():
     assert sorted(replay.draw(torch.arange(6))[1][:, 0].tolist()) == [1, 1, 2, 2, 3, 3]
 
 
-def test_replay_goes_on_where_its_checkpoint_ended():
+def test_replay_resumes_from_its_checkpoint():
     replay, again = filled(6, 2), Replay(6, CPU)
     again.load(replay.state())
     for each in (replay, again):

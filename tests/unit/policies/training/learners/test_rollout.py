@@ -6,7 +6,7 @@ import torch
 from policies.training.learners.rollout import Rollout
 
 
-def test_advantages_by_hand():
+def test_advantages_agree_with_hand_calculation():
     r = Rollout(3, 1, torch.device("cpu"))
     r.reward[:, 0], r.value[:, 0] = torch.tensor([1.0, 2.0, 3.0]), torch.tensor([0.5, 1.0, 1.5])
     r.done[:, 0] = torch.tensor([0.0, 1.0, 0.0])

@@ -25,7 +25,7 @@ FILES = sorted(path.stem for path in CHECKPOINTS.glob("*.onnx"))
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_torch_computes_what_the_runtime_computes(name):
+def test_torch_graph_agrees_with_onnx_runtime(name):
     session, _ = open_policy(CHECKPOINTS / f"{name}.onnx")
     observation = np.random.default_rng(0).normal(0.0, 1.5, (512, OBS_DIM)).astype(np.float32)
     wanted = session.run(None, {"observation": observation})[0]
@@ -34,14 +34,14 @@ def test_torch_computes_what_the_runtime_computes(name):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_nothing_but_shapes_stays_on_the_host(name):
+def test_teacher_graph_runs_entirely_on_its_device(name):
     """The meta device, as a GPU, refuses operands that lie elsewhere."""
     meta = torch.device("meta")
     assert Graph(CHECKPOINTS / f"{name}.onnx", meta)(torch.zeros(8, OBS_DIM, device=meta)).shape == (8, 4)
 
 
 @pytest.mark.parametrize("airframe", ["paper_quad", "crazyflie"])
-def test_a_teacher_asks_for_the_same_command_of_every_vehicle(airframe):
+def test_teacher_label_gives_the_command_of_its_file_for_every_airframe(airframe):
     """Where neither vehicle's limits bind: the label in the vehicle's limits is the command that the file asks for."""
     env = Env(EnvConfig(count=16, stride=8, airframe=airframe))
     observation = torch.from_numpy(env.reset().copy())
@@ -67,12 +67,12 @@ def test_a_teacher_of_another_history_is_refused():
         NetworkTeacher(Env(EnvConfig(count=8, stride=3)), "vision", CPU)
 
 
-def test_a_teacher_that_is_not_there_is_refused():
+def test_missing_teacher_is_refused():
     with pytest.raises(TrainingError, match="does not exist"):
-        NetworkTeacher(Env(EnvConfig(count=8)), "nobody", CPU)
+        NetworkTeacher(Env(EnvConfig(count=8)), "absent", CPU)
 
 
-def test_an_operator_that_is_not_known_is_refused(tmp_path: Path):
+def test_unknown_onnx_operator_is_refused(tmp_path: Path):
     ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1]) for name in ("x", "y")]
     graph = helper.make_graph([helper.make_node("Erf", ["x"], ["y"])], "g", ends[:1], ends[1:])
     onnx.save(helper.make_model(graph), tmp_path / "g.onnx")

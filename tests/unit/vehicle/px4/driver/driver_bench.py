@@ -17,14 +17,14 @@ HEADING = 0.7
 
 
 class Tap:
-    """Our end of the wire: stores sent frames, drops them while `deaf`, and can insert frames of other systems."""
+    """Our end of the wire: stores sent frames, drops them while `stopped`, and can insert frames of other systems."""
 
     def __init__(self, wire):
-        self._wire, self.sent, self.deaf, self.noise = wire, [], False, []
+        self._wire, self.sent, self.stopped, self.noise = wire, [], False, []
 
     def send(self, data):
         self.sent.append(data)
-        if not self.deaf:
+        if not self.stopped:
             self._wire.send(data)
 
     def receive(self):
@@ -61,9 +61,9 @@ class Bench:
         self.link = Px4Link(self.tap, replace(self.config, **config))
         return self
 
-    def deafen(self, deaf):
+    def stop_reception(self, stopped):
         """PX4 stops receiving our frames, or receives them again."""
-        self.tap.deaf = deaf
+        self.tap.stopped = stopped
 
     @property
     def uplink(self):
@@ -83,7 +83,7 @@ class Bench:
     def texts(self):
         return [note.text for _, note in self.notes]
 
-    def said(self, part):
+    def reported(self, part):
         return [text for text in self.texts if part in text]
 
     def run(self, seconds, command=None, until=None):

@@ -64,7 +64,7 @@ def test_streams_have_requested_rates_and_sample_times(arrived):
 def test_parameters_are_set_as_asked(arrived):
     assert arrived.sim.flight.parameters["COM_OF_LOSS_T"] == pytest.approx(0.3)
     assert arrived.sim.flight.parameters["COM_OBL_RC_ACT"] == 4
-    assert arrived.said("COM_OF_LOSS_T set to 0.3 (was 1)")
+    assert arrived.reported("COM_OF_LOSS_T set to 0.3 (was 1)")
     assert arrived.link.parameters["CBRK_FLIGHTTERM"] == 121212
 
 
@@ -108,7 +108,7 @@ def test_commanded_rates_are_reached_in_flu(axis, rate):
 
 @pytest.mark.parametrize("factor", [0.85, 1.0, 1.15])
 def test_thrust_is_mass_normalised_by_the_learned_hover(factor):
-    """The vehicle is lighter or heavier for its motors than its file says; a commanded m/s^2 stays an m/s^2."""
+    """The vehicle is lighter or heavier for its motors than in its file; a commanded m/s^2 stays an m/s^2."""
     from vehicle.quadrotor import airframe as af
 
     row = af.load_airframe("paper_quad").params_row()
@@ -166,7 +166,7 @@ def test_flight_with_a_px4_slower_than_our_clock():
     assert bench.link.phase == "handed_over"
 
 
-def test_flying_on_motion_capture_alone():
+def test_driver_flies_on_motion_capture_alone():
     bench = Bench(sim={"parameters": VISION}, external_vision=True)
 
     def pose():
@@ -176,7 +176,7 @@ def test_flying_on_motion_capture_alone():
     bench.pose = pose
     bench.to("hover")
     assert math.dist(bench.sim.truth().position, START[:3]) < 0.2
-    assert not bench.said("EKF2")
+    assert not bench.reported("EKF2")
     assert bench.run(2.0, hover) is False
     bench.link.release()
     assert bench.run(15.0, until=lambda: not bench.sim.flight.armed)
@@ -219,11 +219,11 @@ def test_kill_in_the_air_stops_the_motors_at_once():
 
 def test_kill_is_repeated_until_the_autopilot_disarms():
     bench = Bench().to("hover")
-    bench.deafen(True)
+    bench.stop_reception(True)
     bench.link.kill()
     bench.run(0.3)
     assert bench.sim.flight.armed
-    bench.deafen(False)
+    bench.stop_reception(False)
     bench.run(0.2)
     assert not bench.sim.flight.armed
 

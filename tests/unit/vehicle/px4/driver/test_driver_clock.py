@@ -15,13 +15,13 @@ def test_stamps_stay_right_when_px4_runs_slower_than_our_clock(pace, worst_ms, m
     real, original = bench.sim.step, Autopilot._odometry
     bench.sim.step = lambda now: real(bench.begin + int((now - bench.begin) * pace))
 
-    def spy(autopilot, fields, now_ns):
+    def record_odometry(autopilot, fields, now_ns):
         known = len(autopilot.fresh)
         original(autopilot, fields, now_ns)
         if len(autopilot.fresh) > known:
             errors.append(autopilot.fresh[-1].stamp_ns - (bench.begin + fields.time_usec * 1000 / pace))
 
-    monkeypatch.setattr(Autopilot, "_odometry", spy)
+    monkeypatch.setattr(Autopilot, "_odometry", record_odometry)
     bench = bench.relink().to("hover", limit=60.0)
     errors.clear()
     bench.run(3.0, lambda _: Rates((0.0, 0.0, 0.0), 9.80665))

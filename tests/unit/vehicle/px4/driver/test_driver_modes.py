@@ -36,7 +36,7 @@ def test_first_ack_of_a_mode_change_does_not_set_the_mode():
     bench.to("failed")
     verdicts = [ack.result for ack in seen if ack.command == px4.Command.DO_SET_MODE]
     assert verdicts[:2] == [px4.Result.ACCEPTED, px4.Result.TEMPORARILY_REJECTED]
-    (text,) = bench.said("OFFBOARD was refused after 8 tries")
+    (text,) = bench.reported("OFFBOARD was refused after 8 tries")
     assert "Switching to Offboard is currently not available" in text
     assert not bench.sent
     assert bench.run(20.0, hover, until=lambda: not bench.sim.flight.armed), "it is landed again"
@@ -49,7 +49,7 @@ def test_a_px4_left_in_offboard_is_brought_to_hold_before_arming():
     bench.to("hover")
     modes = [text for text in bench.texts if text.startswith("mode ")]
     assert modes[:4] == ["mode AUTO.LOITER", "mode OFFBOARD", "mode AUTO.LOITER", "mode AUTO.TAKEOFF"]
-    assert not bench.said("denied")
+    assert not bench.reported("denied")
 
 
 def test_missing_heartbeats_are_reported_while_control_continues():
@@ -66,7 +66,7 @@ def test_missing_heartbeats_are_reported_while_control_continues():
     bench.sim.set_heartbeat(True)
     bench.run(1.1, hover)
     assert bench.out.connected
-    assert len(bench.said("no HEARTBEAT")) == 1
+    assert len(bench.reported("no HEARTBEAT")) == 1
 
 
 def test_missing_odometry_gives_no_new_samples():

@@ -59,14 +59,14 @@ def test_timesync_answers_without_a_request_are_counted():
     assert (clock.offset_ns, clock.rejected, clock.ours(5)) == (None, 2, None)
 
 
-def test_a_known_offset_stays():
+def test_known_clock_offset_is_kept():
     clock = ClockOffset(fixed_ns=-7)
     clock.add(0, 500, 10)
     clock.forget()
     assert (clock.offset_ns, clock.ours(3)) == (-7, 10)
 
 
-def test_link_time_is_px4s_and_ours_without_stamps():
+def test_link_time_is_px4_time_or_host_time_without_stamps():
     time, now = LinkTime(), 0
     for _ in range(20):  # no stamp received: our time
         time.advance(now := now + 50 * MS)
@@ -81,7 +81,7 @@ def test_link_time_is_px4s_and_ours_without_stamps():
     assert time.ns - before == 2000 * MS
 
 
-def test_a_px4_time_that_goes_back_is_a_reboot():
+def test_decreasing_px4_time_is_a_reboot():
     time = LinkTime()
     assert not time.receive(100 * SECOND)
     assert not time.receive(100 * SECOND - 400 * MS), "frames may overtake each other"
@@ -92,7 +92,7 @@ def test_a_px4_time_that_goes_back_is_a_reboot():
 # texts
 
 
-def say(texts, text, severity=6, id=1, now=0):
+def send_text(texts, text, severity=6, id=1, now=0):
     for i in range(0, max(1, len(text)), 50):
         texts.receive(SimpleNamespace(id=id, severity=severity, chunk_seq=i // 50, text=text[i : i + 50]), now)
 
@@ -102,16 +102,16 @@ def taken(texts):
 
 
 @given(st.lists(st.text("abc defg", min_size=1, max_size=160).filter(lambda t: t.strip() and len(t) % 50), max_size=6))
-def test_texts_are_put_together(said):
+def test_texts_are_assembled_from_chunks(reported):
     texts = Texts()
-    for i, text in enumerate(said):
-        say(texts, text + "\t", id=i)
-    assert [text for _, text in taken(texts)] == [f"autopilot: {text.strip()}" for text in said]
+    for i, text in enumerate(reported):
+        send_text(texts, text + "\t", id=i)
+    assert [text for _, text in taken(texts)] == [f"autopilot: {text.strip()}" for text in reported]
 
 
-def test_a_text_that_fills_its_chunk_waits_for_more_but_not_for_ever():
+def test_text_that_fills_its_chunk_waits_for_more_up_to_a_limit():
     texts = Texts()
-    say(texts, "x" * 50)
+    send_text(texts, "x" * 50)
     texts.flush(400 * MS)
     assert taken(texts) == []
     texts.flush(600 * MS)
@@ -124,10 +124,10 @@ def test_chunks_without_a_beginning_are_dropped():
     assert taken(texts) == []
 
 
-def test_severities_and_quotes():
+def test_texts_have_their_severity_and_errors_are_quoted():
     texts = Texts()
     for severity, text in ((2, "bad"), (4, "hm"), (6, "fine"), (2, "bad")):
-        say(texts, text, severity)
+        send_text(texts, text, severity)
     assert [severity for severity, _ in taken(texts)] == ["error", "warning", "info", "error"]
     assert texts.quote() == "; the autopilot reports: bad / hm"
 
@@ -150,7 +150,7 @@ SOUND = {"COM_OF_LOSS_T": 0.3, "COM_OBL_RC_ACT": 4, "CBRK_FLIGHTTERM": 121212, "
 SOUND |= {"MPC_THR_HOVER": 0.45, "EKF2_EV_CTRL": 15, "EKF2_HGT_REF": 3, "SYS_HAS_MAG": 0, "EKF2_MAG_TYPE": 5}
 
 
-def test_sound_parameters_pass():
+def test_valid_parameters_pass():
     assert judge(SOUND, CONFIG) == []
     assert judge(SOUND, LinkConfig(start=START, hover_thrust=0.44, external_vision=True)) == []
 
@@ -182,14 +182,14 @@ def test_raised_or_switched_off_attitude_limits_pass():
 @pytest.mark.parametrize(
     ("steepest", "limit", "warned"), [(70, 79, True), (70, 80, False), (45, 60, False), (0, 9, True)]
 )
-def test_the_failure_detector_is_judged_by_the_perch(steepest, limit, warned):
+def test_failure_detector_limits_are_compared_with_the_inclination(steepest, limit, warned):
     config = LinkConfig(start=START, hover_thrust=0.44, steepest=math.radians(steepest))
-    said = judge(SOUND | {"CBRK_FLIGHTTERM": 0, "FD_FAIL_P": limit, "FD_FAIL_R": limit}, config)
-    assert len(said) == warned
-    assert all(f"raise them to {steepest + 10} or more" in text for text in said)
+    reported = judge(SOUND | {"CBRK_FLIGHTTERM": 0, "FD_FAIL_P": limit, "FD_FAIL_R": limit}, config)
+    assert len(reported) == warned
+    assert all(f"raise them to {steepest + 10} or more" in text for text in reported)
 
 
-def test_parameters_this_px4_does_not_know_are_not_judged():
+def test_parameters_missing_in_px4_are_not_judged():
     assert judge({}, CONFIG) == []
 
 
@@ -249,7 +249,7 @@ def test_signed_frames_equal_pymavlink_s():
         assert signer.sign(ours.pack(MESSAGE, 5 + i, 6, 0, 0), MESSAGE.crc_extra, 7 * SECOND) == expected
 
 
-def test_pymavlink_accepts_what_is_signed_and_refuses_a_replay():
+def test_pymavlink_accepts_signed_frames_and_refuses_a_replay():
     mav, signer = pymavlink_signer(), Signer(SIGNING)
     frame = signer.sign(Packer(1, 1).pack(MESSAGE, 5, 6, 0, 0), MESSAGE.crc_extra, 7 * SECOND)
     assert [m.get_type() for m in mav.parse_buffer(frame) or []] == ["PING"]

@@ -36,7 +36,7 @@ class Recording:
 
 @pytest.fixture(scope="module")
 def flight():
-    """What the driver said at each step, with its own part of the conversation left out."""
+    """Outputs of the driver at each step; the frames that it sends are discarded."""
     wire = Recording()
     link = Px4Link(wire, LinkConfig(start=(0.0, 0.0, 2.0, 0.0), fixed_offset_ns=-BOOT_NS))
     steps = []
@@ -52,13 +52,13 @@ def when(steps, condition):
     return next((ms / 1000 for ms, out in steps if condition(out)), None)
 
 
-def test_every_frame_is_understood(flight):
+def test_every_recorded_frame_is_decoded(flight):
     link, _ = flight
     counters = link.counters
     assert (counters["garbage"], counters["unknown_frames"], counters["bad_odometry"]) == (0, 0, 0)
 
 
-def test_modes_arming_and_failsafe_are_seen_as_they_happened(flight):
+def test_recorded_modes_arming_and_failsafe_are_reported(flight):
     _, steps = flight
     assert when(steps, lambda out: out.armed) == pytest.approx(7.0, abs=0.1)
     assert when(steps, lambda out: out.mode == "AUTO.TAKEOFF") == pytest.approx(8.0, abs=0.1)
@@ -84,7 +84,7 @@ def test_texts_in_chunks_are_whole(flight):
         assert texts.count(text) == 1, text
 
 
-def test_odometry_is_in_the_world_and_on_our_clock(flight):
+def test_recorded_odometry_is_in_the_world_frame_on_the_host_clock(flight):
     _, steps = flight
     samples = [(ms, sample) for ms, out in steps for sample in out.odometry]
     assert len(samples) > 80

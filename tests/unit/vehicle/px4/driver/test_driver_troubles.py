@@ -28,14 +28,14 @@ def test_refused_arming_fails_with_the_autopilots_text():
     bench = Bench().to("arm")
     bench.sim.flight.terminated = True
     bench.to("failed")
-    (text,) = bench.said("arming was refused")
+    (text,) = bench.reported("arming was refused")
     assert "TEMPORARILY_REJECTED) after 8 tries" in text
     assert "; the autopilot reports: " in text and "Arming denied: Resolve system health failures first" in text
     assert bench.seconds < 12.0
     assert not bench.sim.flight.armed
 
 
-def test_driver_does_not_arm_before_it_is_allowed():
+def test_driver_does_not_arm_before_arming_is_allowed():
     bench = Bench(arm=False, prearm_limit=3.0).to("ready")
     bench.run(12.0, hover)
     assert bench.link.phase == "ready"
@@ -46,37 +46,37 @@ def test_driver_does_not_arm_before_it_is_allowed():
 
 def test_arming_without_an_answer_fails():
     bench = Bench().to("arm")
-    bench.deafen(True)
+    bench.stop_reception(True)
     bench.to("failed")
-    assert bench.said("arming was refused (no answer) after 8 tries")
+    assert bench.reported("arming was refused (no answer) after 8 tries")
 
 
 def test_prearm_checks_that_never_pass_fail():
     bench = Bench(sim={"parameters": {"SENS_EN_GPSSIM": 0, "SYS_HAS_GPS": 0}}, prearm_limit=8.0)
     bench.to("failed")
-    assert bench.said("not ready after 8 s: its pre-arm checks did not pass")
+    assert bench.reported("not ready after 8 s: its pre-arm checks did not pass")
 
 
 def test_parameter_that_px4_lacks_is_reported_and_the_rest_is_set():
     bench = Bench(parameters={"COM_OF_LOS_T": 0.3, "COM_OBL_RC_ACT": 4}, tries=2).to("ready")
-    assert bench.said("this PX4 has no parameter COM_OF_LOS_T, or does not answer: not set")
+    assert bench.reported("this PX4 has no parameter COM_OF_LOS_T, or does not answer: not set")
     assert bench.sim.flight.parameters["COM_OBL_RC_ACT"] == 4
-    assert bench.said("COM_OF_LOSS_T is 1 s"), "what was meant is judged all the same"
+    assert bench.reported("COM_OF_LOSS_T is 1 s"), "what was meant is judged all the same"
     assert [note.severity for _, note in bench.notes if "COM_OF_LO" in note.text] == ["warning"] * 2
 
 
 def test_px4_without_parameter_answers_is_not_flown():
     bench = Bench(tries=2).to("parameters")
-    bench.deafen(True)
+    bench.stop_reception(True)
     bench.to("failed")
-    assert bench.said("the autopilot answers no request for a parameter")
+    assert bench.reported("the autopilot answers no request for a parameter")
 
 
 def test_px4_without_the_offboard_loss_parameters_is_not_armed():
     assert LinkConfig(start=START).required == ("COM_OF_LOSS_T", "COM_OBL_RC_ACT")
     bench = Bench(tries=2, required=("COM_OF_LOSS_T", "COM_NO_SUCH"), parameters={"COM_NO_SUCH": 1.0}).to("failed")
-    assert bench.said("this PX4 has no parameter COM_NO_SUCH, or does not answer")
-    assert bench.said("it is not armed")
+    assert bench.reported("this PX4 has no parameter COM_NO_SUCH, or does not answer")
+    assert bench.reported("it is not armed")
     assert not bench.sim.truth().armed
 
 
@@ -84,7 +84,7 @@ def test_parameter_that_px4_rejects_fails_in_bounded_time():
     bench = Bench(tries=3)
     bench.sim.flight.parameters.set_wire = lambda *_: None
     bench.to("failed")
-    assert bench.said("COM_OF_LOSS_T, COM_OBL_RC_ACT was not accepted")
+    assert bench.reported("COM_OF_LOSS_T, COM_OBL_RC_ACT was not accepted")
     assert bench.seconds < 6.0
 
 
@@ -101,7 +101,7 @@ def test_already_armed_vehicle_gets_no_commands():
     bench.relink()
     bench.uplink.clear()
     bench.to("failed")
-    assert bench.said("already armed")
+    assert bench.reported("already armed")
     bench.run(5.0)
     assert bench.asked == {"HEARTBEAT", "TIMESYNC"}, "not even a landing is asked for"
     assert bench.sim.flight.active != px4.LAND
@@ -109,12 +109,12 @@ def test_already_armed_vehicle_gets_no_commands():
 
 def test_vehicle_with_another_hover_thrust_than_its_file_is_landed():
     bench = Bench(hover_thrust=0.25).to("failed")
-    assert bench.said("hover thrust is 0.44") and bench.said("wrong airframe file")
+    assert bench.reported("hover thrust is 0.44") and bench.reported("wrong airframe file")
     assert bench.run(20.0, until=lambda: not bench.sim.flight.armed)
     assert bench.sim.truth().position[2] == pytest.approx(0.0, abs=0.05)
 
 
-def test_dead_motor_fails_before_the_hand_over():
+def test_dead_motor_fails_before_offboard_control():
     bench = Bench(goto_limit=8.0)
     bench.to("goto")
     bench.sim.fail_motor(0, 0.2)
@@ -131,14 +131,14 @@ def test_control_is_not_resumed_after_a_gap():
     bench.run(0.5, hover)
     bench.run(0.32)
     assert bench.link.phase == "interrupted"
-    assert bench.said("control lost: no command for 0.25 s")
+    assert bench.reported("control lost: no command for 0.25 s")
     count = len(bench.sent)
     bench.run(3.0, hover)  # the policy is back: PX4 would return to OFFBOARD by itself
     assert len(bench.sent) == count
     assert bench.link.refused == 300
     assert bench.sim.flight.active == px4.LAND
     assert bench.out.failsafe
-    assert bench.said("autopilot in failsafe, mode AUTO.LAND") and bench.said("autopilot: Failsafe activated")
+    assert bench.reported("autopilot in failsafe, mode AUTO.LAND") and bench.reported("autopilot: Failsafe activated")
     bench.link.release()
     assert bench.run(20.0, hover, until=lambda: not bench.out.armed)
     bench.run(1.0)
@@ -161,7 +161,7 @@ def test_pilot_keeps_control_after_taking_over():
     bench.gcs.send(pilot.send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0))
     bench.run(0.1, hover)
     assert bench.link.phase == "interrupted"
-    assert bench.said("the autopilot is in AUTO.LOITER")
+    assert bench.reported("the autopilot is in AUTO.LOITER")
     count = len(bench.sent)
     bench.run(3.0, hover)
     assert (len(bench.sent), bench.sim.flight.active) == (count, px4.HOLD)
@@ -169,7 +169,7 @@ def test_pilot_keeps_control_after_taking_over():
 
 
 @pytest.mark.parametrize("phase", ["goto", "hover"])
-def test_pilot_can_take_over_before_the_hand_over(phase):
+def test_pilot_can_take_over_before_offboard_control(phase):
     bench = Bench(gcs=True).to(phase)
     bench.run(1.0)
     bench.gcs.send(client().send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 4.0, 6.0, 0.0, 0.0, 0.0, 0.0))
@@ -206,17 +206,17 @@ def test_sent_thrust_is_limited_to_zero_and_one():
 # the wire
 
 
-def test_garbage_is_counted_and_changes_nothing():
+def test_invalid_bytes_are_counted_and_ignored_by_the_driver():
     rng = random.Random(5)
     bench = Bench()
 
-    def babble():
+    def send_noise():
         if rng.random() < 0.2:
             noise = bytes(rng.choices(range(256), k=rng.randint(1, 60)))
             bench.tap.noise.append(noise)
             bench.theirs.peer.send(bytes(rng.choices(range(256), k=20)))
 
-    bench.each = babble
+    bench.each = send_noise
     bench.to("hover", limit=60.0)
     bench.run(0.3, hover)
     assert bench.link.phase == "handed_over"
@@ -228,23 +228,23 @@ def test_heartbeats_of_other_clients_are_ignored():
     bench = Bench(gcs=True)
     others = [client(), client(1, 191), client(2, 1)]
 
-    def shout():
+    def send_heartbeats():
         for other in others:
             bench.gcs.send(other.send_name("HEARTBEAT", 2, 12, 0x91, 0x00010000, 5, 3))
             bench.tap.noise.append(other.send_name("HEARTBEAT", 2, 12, 0x91, 0x00010000, 5, 3))
 
-    bench.each = lambda: shout() if bench.now % 200_000_000 == 0 else None
+    bench.each = lambda: send_heartbeats() if bench.now % 200_000_000 == 0 else None
     bench.to("hover")
     assert bench.link.counters["foreign_frames"] > 100
     assert not bench.out.failsafe
-    assert not bench.said("MANUAL")
+    assert not bench.reported("MANUAL")
 
 
 def test_other_systems_without_px4_are_reported():
     bench = Bench(system=3)
     bench.run(11.0)
     assert bench.link.phase == "connect"
-    assert bench.said("no PX4 received as system 3, component 1 yet (received: 1/1")
+    assert bench.reported("no PX4 received as system 3, component 1 yet (received: 1/1")
 
 
 def test_lost_link_is_reported():
@@ -254,11 +254,11 @@ def test_lost_link_is_reported():
     bench.sim.step = lambda now: None
     bench.run(4.0)
     assert not bench.out.connected
-    assert bench.said("link lost: no HEARTBEAT for 3 s")
+    assert bench.reported("link lost: no HEARTBEAT for 3 s")
     bench.sim.step = stopped
 
 
-def test_a_reboot_on_the_ground_begins_again_and_in_flight_fails():
+def test_reboot_restarts_on_the_ground_and_fails_in_flight():
     for phase, then in (("ready", "hover"), ("goto", "failed")):
         bench = Bench().to(phase)
         bench.run(2.5)
@@ -267,7 +267,7 @@ def test_a_reboot_on_the_ground_begins_again_and_in_flight_fails():
         bench.sim = fresh.sim
         bench.sim.step(bench.now)
         bench.to(then)
-        assert bench.said("the autopilot has rebooted")
+        assert bench.reported("the autopilot has rebooted")
         if then == "hover":
             assert bench.link.counters["clock_offset_ns"] == pytest.approx(-fresh.begin, abs=2_000_000)
 

@@ -129,7 +129,7 @@ def test_set_mode_message_gets_one_answer(ready):
     assert ready.answers() == [ACCEPTED] and ready.flight.active == px4.OFFBOARD
 
 
-def test_disarming_in_the_air_needs_force_and_then_it_falls():
+def test_disarming_in_the_air_needs_force_and_the_vehicle_falls():
     rig = hover()
     assert rig.ask(400, 0.0) == [REJECTED]
     assert rig.texts() == ["Disarming denied: not landed\t"]
@@ -224,7 +224,7 @@ def test_requested_messages_come_before_their_answer(ready, id):
 
 
 @pytest.mark.parametrize("id", [436, 259, 9999])
-def test_messages_that_are_denied(ready, id):
+def test_requests_for_unsupported_messages_are_denied(ready, id):
     assert ready.ask(512, float(id)) == [DENIED]
 
 

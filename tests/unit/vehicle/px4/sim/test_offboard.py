@@ -27,7 +27,7 @@ def airborne(**options):
     return rig
 
 
-def test_one_setpoint_is_enough_to_arm_and_it_must_be_young():
+def test_one_recent_setpoint_is_enough_to_arm():
     rig = Rig()
     rig.rates()
     rig.run(4)
@@ -41,7 +41,7 @@ def test_one_setpoint_is_enough_to_arm_and_it_must_be_young():
 
 
 @pytest.mark.parametrize("mask", [0x80, 0x00, 0x07, 0x84, 0xC0, 0xA0])
-def test_masks_that_hold_offboard(mask):
+def test_masks_that_keep_offboard_are_accepted(mask):
     rig = Rig()
     rig.run(100, lambda: rig.rates(mask=mask))
     rig.mode(6)
@@ -49,7 +49,7 @@ def test_masks_that_hold_offboard(mask):
 
 
 @pytest.mark.parametrize("mask", [0x81, 0x82, 0x87])
-def test_masks_that_do_not_hold_offboard(mask):
+def test_masks_that_do_not_keep_offboard_are_ignored(mask):
     rig = Rig()
     rig.run(100, lambda: rig.rates(mask=mask))
     rig.mode(6)
@@ -57,12 +57,14 @@ def test_masks_that_do_not_hold_offboard(mask):
     assert rig.sim.rejected["setpoints"] > 0
 
 
-@pytest.mark.parametrize(("system", "component", "heard"), [(0, 0, True), (1, 0, True), (2, 1, False), (1, 5, False)])
-def test_setpoints_for_other_systems_are_ignored(system, component, heard):
+@pytest.mark.parametrize(
+    ("system", "component", "received"), [(0, 0, True), (1, 0, True), (2, 1, False), (1, 5, False)]
+)
+def test_setpoints_for_other_systems_are_ignored(system, component, received):
     rig = Rig()
     rig.run(100, lambda: rig.rates(system=system, component=component))
     rig.mode(6)
-    assert rig.ask(400, 1.0) == [ACCEPTED if heard else REJECTED]
+    assert rig.ask(400, 1.0) == [ACCEPTED if received else REJECTED]
 
 
 def test_no_spool_up_and_takeoff_is_detected_in_a_fifth_of_a_second():
@@ -129,7 +131,7 @@ def test_attitude_target_keeps_a_stale_thrust_while_rates_are_flown():
     assert rig.of("SERVO_OUTPUT_RAW")[-1].servo1_raw == pytest.approx(1550, abs=20)
 
 
-def test_attitude_setpoints_fly_and_show_in_the_heartbeat():
+def test_attitude_setpoints_are_flown_and_shown_in_the_heartbeat():
     rig = airborne()
     lean = swap_attitude(from_euler(0.0, 0.2, 0.5))  # nose down, in ENU from FLU
     rig.run(2500, lambda: rig.rates(mask=0x07, thrust=0.5, q=lean))
@@ -186,7 +188,7 @@ def test_nan_and_infinity_are_rejected_and_counted():
 
 
 @pytest.mark.parametrize(("hz", "stays"), [(1.2, True), (0.8, False)])
-def test_the_slowest_stream_that_holds_offboard(hz, stays):
+def test_only_streams_above_the_minimum_rate_keep_offboard(hz, stays):
     rig = airborne()
     rig.run(5000, lambda: rig.rates(thrust=0.4903), round(1000 / hz / 4) * 4)
     failed = "Failsafe activated\t" in rig.texts()

@@ -61,7 +61,7 @@ def test_the_fastest_stream_is_a_little_below_the_loop(ready):
 
 
 @pytest.mark.parametrize("id", [0, 9999])
-def test_intervals_that_cannot_be_set(ready, id):
+def test_interval_of_an_unsupported_message_fails(ready, id):
     assert ready.ask(511, float(id), 10_000.0) == [FAILED]
 
 
@@ -137,7 +137,7 @@ def test_a_parameter_is_echoed_at_once_and_again_on_all_links():
     assert len(rig.of("PARAM_VALUE")) == 3  # unchanged: only the echo
 
 
-def test_integers_lie_bytewise_in_the_float(ready):
+def test_integer_parameters_are_encoded_bytewise_in_the_float(ready):
     ready.run(300)
     ready.log.clear()
     ready.send("PARAM_SET", 1, 1, "COM_OBL_RC_ACT", as_float(4), INT32)
@@ -160,7 +160,7 @@ def test_param_set_with_wrong_type_or_name_gets_no_answer(ready, name, kind):
     assert ready.of("PARAM_VALUE") == []
 
 
-def test_no_range_is_checked_and_reading_works_by_name_and_index(ready):
+def test_parameters_are_set_without_range_check_and_read_by_name_and_index(ready):
     ready.run(300)
     ready.log.clear()
     ready.send("PARAM_SET", 1, 1, "COM_OF_LOSS_T", 9999.0, REAL32)
@@ -196,7 +196,7 @@ def test_gains_set_over_the_wire_reach_the_loop(ready):
 
 @settings(max_examples=25)
 @given(st.lists(st.binary(max_size=80), max_size=8))
-def test_garbage_is_counted_and_changes_nothing(chunks):
+def test_invalid_bytes_are_counted_and_ignored_by_px4(chunks):
     rig = Rig(ready=False)
     for chunk in chunks:
         rig.wire.send(chunk)
@@ -209,7 +209,7 @@ def test_garbage_is_counted_and_changes_nothing(chunks):
     assert any(m.target_system == 245 for m in rig.of("PING"))
 
 
-def test_counts_of_rejections():
+def test_unparsed_bytes_are_counted():
     rig = Rig(ready=False)
     rig.wire.send(b"\x01\x02garbage")
     rig.run(8)
@@ -226,7 +226,7 @@ def test_battery_drains_while_armed_and_recovers():
     assert rig.of("SYS_STATUS")[-1].voltage_battery == 16200
 
 
-def test_every_float_sent_in_flight_is_finite_where_it_must_be():
+def test_required_floats_sent_in_flight_are_finite():
     rig = Rig().fly_to_hover()
     rig.run(500)
     for name in ("ATTITUDE", "LOCAL_POSITION_NED", "HIGHRES_IMU", "ATTITUDE_QUATERNION"):

@@ -33,7 +33,7 @@ def estimated_offset(rig):
     return np.array([m.x - truth.position[1], m.y - truth.position[0], m.z + truth.position[2]])
 
 
-def test_the_estimate_has_the_noise_it_is_given():
+def test_px4_estimate_has_the_configured_noise():
     rig = Rig(noise=EstimatorNoise(position=0.1, position_tau=0.1))
     rig.run(20_000)
     z = [m.x for m in rig.of("LOCAL_POSITION_NED")]
@@ -72,7 +72,7 @@ def test_vision_is_ignored_by_default_and_noticed_when_switched_on_in_flight():
     assert not rig.sim.estimator.vision_active
 
 
-def test_switching_the_height_to_vision_while_running_makes_z_jump():
+def test_switching_height_to_vision_in_flight_makes_z_jump():
     rig = Rig()
     for name, value in (("EKF2_EV_CTRL", 15), ("EKF2_GPS_CTRL", 0), ("EKF2_HGT_REF", 3)):
         rig.send("PARAM_SET", 1, 1, name, np.frombuffer(np.int32(value).tobytes(), np.float32)[0], 6)
@@ -218,7 +218,7 @@ def test_heartbeat_can_be_switched_off():
     assert len(rig.of("HEARTBEAT")) == 1
 
 
-def test_on_the_ground_it_rests_where_it_was_put():
+def test_vehicle_on_the_ground_stays_at_its_start():
     rig = Rig(position=(3.0, -2.0, 0.15), yaw=1.0)
     truth = rig.sim.truth()
     assert truth.position == pytest.approx((3.0, -2.0, 0.15)) and not np.any(truth.velocity)
