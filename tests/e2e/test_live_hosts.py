@@ -175,7 +175,7 @@ def test_cut_connection_is_reported_on_both_hosts_and_both_end(hosts, keys, star
     assert "could not run: brain" in run.output()
     assert node.wait(60) == 3, node.output()
     assert "brain: aborted" in node.output()
-    assert "supervisor and hub are silent" in node.output()
+    assert "nothing received from supervisor and hub" in node.output()
     assert Recording(folder(tmp_path)).complete
 
 
