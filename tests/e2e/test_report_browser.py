@@ -95,7 +95,7 @@ def test_every_plot_is_drawn_within_the_page(opened, report, size):
             [...f.querySelectorAll('svg path.line, svg path.dash, svg path.step, svg path.dots')]
               .reduce((n, p) => n + (p.getAttribute('d').match(/[ML]/g) || []).length, 0)])"""
     )
-    assert len(plots) == 25
+    assert len(plots) == 26
     assert [ident for ident, height, points in plots if height < 80 or points < 5] == []
     assert tab.evaluate("document.documentElement.scrollWidth") <= size["width"]
     drawn = tab.evaluate("[...document.querySelectorAll('svg')].map((s) => s.outerHTML).join('')")
