@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test live soak lint format bench peer train clean
+.PHONY: help run test live soak lint format bench peer train results clean
 
 help: ## show these targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -61,6 +61,9 @@ train: $(VENV)/test ## both networks and their tables (DEVICE=cuda: on a GPU); a
 	$(BIN)/perch-hil policy $(call LEARN,vision)
 	$(BIN)/perch-hil policy evaluate $(TRAINED)/state/policy.onnx
 	$(BIN)/perch-hil policy evaluate $(TRAINED)/vision/policy.onnx
+
+results: $(VENV)/core ## measure what docs/results.md says (hours); after a stop the same command goes on
+	$(BIN)/perch-hil results
 
 clean: ## remove the virtual environment and caches (not the runs)
 	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache

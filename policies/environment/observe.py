@@ -86,8 +86,18 @@ def shown_odometry(scratch):
 
 
 @njit
+def shown_rho(shared, rho):
+    """The rho that a policy receives: 1 in the ablations without it, and on raw poses."""
+    c = shared.config
+    return rho if c[config_row.RHO] > 0.0 and c[config_row.AUGMENTATION] > 0.0 else 1.0
+
+
+@njit
 def observe(rows, i, shared, rho):
-    """Write the observation and the critic's future of row i; updates the thrust-gain estimate."""
+    """Write the observation and the critic's future of row i; updates the thrust-gain estimate.
+
+    `rho`: the belief's. An ablation whose policy does not receive it is still evaluated by it.
+    """
     c, state, x = shared.config, rows.state[i], rows.scratch[i]
     odometry(rows, i)
     p, v, q = shown_odometry(x)
@@ -104,7 +114,8 @@ def observe(rows, i, shared, rho):
     sigma, stride = own_sigma(rows, i, shared), int(c[config_row.STRIDE])
     now = state[episode_row.STEP] * TICK
     action = state[episode_row.ACTION : episode_row.ACTION + 4]
-    build_observation(rows.history[i], p, v, q, rho, action, gain, drag, sigma, stride, now, rows.observation[i])
+    shown = shown_rho(shared, rho)
+    build_observation(rows.history[i], p, v, q, shown, action, gain, drag, sigma, stride, now, rows.observation[i])
     cos, sin = yaw_axes(q)
     ahead, begin = int(c[config_row.FUTURE_STRIDE]), int(state[episode_row.STEP])
     wanted = min(begin + FUTURE * ahead, rows.track.shape[1] - 1)

@@ -134,7 +134,7 @@ def raw_estimate(state, out):
 
 @njit
 def see(rows, i, shared, board, latency):
-    """One step of perception: look, expose, deliver, predict. Writes the believed row and returns the policy's rho."""
+    """One step of perception: look, expose, deliver, predict. Writes the believed row and returns the belief's rho."""
     state = rows.state[i]
     now = state[episode_row.STEP] * TICK
     look(rows, i, shared, board)
@@ -148,7 +148,7 @@ def see(rows, i, shared, board, latency):
     state[episode_row.ERROR] = math.sqrt(dx * dx + dy * dy + dz * dz)
     if shared.config[config_row.AUGMENTATION] == 0.0:
         raw_estimate(state, believed)
-    return rho if shared.config[config_row.RHO] > 0.0 and shared.config[config_row.AUGMENTATION] > 0.0 else 1.0
+    return rho
 
 
 @njit

@@ -268,6 +268,19 @@ def test_ablations_change_the_observation():
     assert np.allclose(blind.rows.believed, full.rows.believed)
 
 
+def test_ablation_without_rho_is_evaluated_by_the_rho_of_its_belief():
+    base = EnvConfig(count=64, seed=14, stage="vision", **QUIET)
+    full, raw, blind = (Env(c) for c in (base, replace(base, augmentation=False), replace(base, rho=False)))
+    for env in (full, raw, blind):
+        env.reset()
+        for k in range(40):
+            env.step(actions(64, k, 0.3))
+    for ablation in (raw, blind):
+        assert np.array_equal(ablation.rows.state[:, episode_row.RHO], full.rows.state[:, episode_row.RHO])
+        assert ablation.rows.observation[:, TAIL + tail_row.RHO].min() == 1.0
+    assert full.rows.state[:, episode_row.RHO].min() < 35.0
+
+
 def test_invalid_settings_and_actions_are_refused():
     with pytest.raises(ValueError, match="stage is 'sound'"):
         EnvConfig(stage="sound")

@@ -1,0 +1,58 @@
+"""An experiment is measured by the real command line, kept, and not measured again."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli.main import app
+from hil.results.experiments import Experiment
+from hil.results.measure import MeasureError, is_measured, kept, measure
+
+LIST = Experiment("flights", "runs of a folder", ("scenarios --json", "scenarios --json"), keep=("name",))
+runner = CliRunner()
+
+
+def test_data_is_kept_with_its_commands_code_and_networks(tmp_path):
+    assert not is_measured(LIST, tmp_path)
+    measure(LIST, tmp_path, tmp_path / "runs", {"commit": "abc"})
+    found = kept(LIST, tmp_path)
+    assert {"name": "hard-i"} in found["data"]
+    assert (found["code"], sorted(found["files"])) == (
+        {"commit": "abc"},
+        ["predictor.npz", "state.onnx", "vision.onnx"],
+    )
+    assert is_measured(LIST, tmp_path)
+
+
+@pytest.mark.parametrize("change", [{"commands": ["scenarios"]}, {"files": {"vision.onnx": "0"}}])
+def test_other_commands_or_networks_are_measured_again(change, tmp_path):
+    measure(LIST, tmp_path, tmp_path / "runs", {})
+    path = tmp_path / "flights.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    assert not is_measured(LIST, tmp_path)
+
+
+def test_command_that_fails_is_named_and_leaves_no_data(tmp_path):
+    wrong = Experiment("wrong", "", ("policy evaluate magic --json",))
+    with pytest.raises(MeasureError, match="policy evaluate magic --json: exit code 2"):
+        measure(wrong, tmp_path, tmp_path / "runs", {})
+    assert kept(wrong, tmp_path) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [(["stat"], 'did you mean "state"'), (["--page", "no.md"], "no.md: no such page")],
+)
+def test_usage_error_is_one_line_and_exit_2(arguments, expected):
+    result = runner.invoke(app, ["results", *arguments])
+    assert result.exit_code == 2
+    (line,) = result.output.strip().splitlines()
+    assert expected in line
+
+
+def test_list_measures_nothing(tmp_path):
+    result = runner.invoke(app, ["results", "--list", "--folder", str(tmp_path)])
+    assert result.exit_code == 0
+    assert "scenarios-pictures" in result.output and "not measured" in result.output
+    assert list(tmp_path.iterdir()) == []

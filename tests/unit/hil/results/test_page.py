@@ -1,0 +1,53 @@
+"""The page's tables are those of the committed data, and say so where an experiment was not measured."""
+
+import pytest
+
+from hil.results.experiments import EXPERIMENTS
+from hil.results.measure import files, kept
+from hil.results.page import TABLES, PageError, fill
+from tests.paths import ROOT
+
+PAGE = ROOT / "docs" / "results.md"
+BLOCK = "<!-- results: {} -->\n<!-- end -->\n"
+
+
+def committed():
+    found = {experiment.name: kept(experiment, ROOT / "results") for experiment in EXPERIMENTS}
+    return {name: one for name, one in found.items() if one is not None}
+
+
+def flights(policy, scenario, perched, missed):
+    row = {"policy": policy, "scenario": scenario, "impact_normal": -0.5}
+    return [{**row, "verdict": "perched"}] * perched + [{**row, "verdict": "missed"}] * missed
+
+
+def test_page_holds_the_tables_of_the_committed_data():
+    page = PAGE.read_text(encoding="utf-8")
+    assert fill(page, {name: one["data"] for name, one in committed().items()}) == page
+    assert all(f"<!-- results: {name} -->" in page for name in TABLES)
+
+
+def test_committed_data_was_measured_with_the_networks_that_ship():
+    assert {name: one["files"] for name, one in committed().items()} == {name: files() for name in committed()}
+    assert not [name for name, one in committed().items() if one["code"]["dirty"]]
+
+
+def test_flights_are_counted_by_policy_and_scenario():
+    data = flights("vision", "hard-i", 19, 1) + flights("planner", "hard-i", 0, 20)
+    filled = fill(BLOCK.format("scenarios-published"), {"scenarios-published": data})
+    (vision,) = [line for line in filled.splitlines() if line.startswith("| `vision`")]
+    (planner,) = [line for line in filled.splitlines() if line.startswith("| `planner`")]
+    assert "| 19 of 20 |" in vision and "| 19 of 20 (75.1-99.9 %) |" in vision
+    assert "| 0 of 20 |" in planner
+    assert filled.count("0.50") == 2, "mean speed into the board, on Hard-I and over all, of the flights that perched"
+
+
+def test_table_without_data_names_the_command_that_measures_it():
+    filled = fill(BLOCK.format("state-points"), {})
+    assert "Not measured yet: `perch-hil results state`" in filled
+    assert "T1, the paper | 99.92" in filled
+
+
+def test_unknown_table_is_an_error():
+    with pytest.raises(PageError, match="no table 'speeds'"):
+        fill(BLOCK.format("speeds"), {})
