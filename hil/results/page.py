@@ -50,7 +50,7 @@ def _markdown(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 def _missing(data: Data, names: Mapping[str, str]) -> str:
     left = [name for name in names if name not in data]
-    return f"\nNot measured yet: {', '.join(f'`perch-hil results {name}`' for name in left)}.\n" if left else ""
+    return f"\nNot measured yet (`perch-hil results` does it): {', '.join(left)}.\n" if left else ""
 
 
 def _rate(row: Mapping[str, Any]) -> str:

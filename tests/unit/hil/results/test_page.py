@@ -44,7 +44,7 @@ def test_flights_are_counted_by_policy_and_scenario():
 
 def test_table_without_data_names_the_command_that_measures_it():
     filled = fill(BLOCK.format("state-points"), {})
-    assert "Not measured yet: `perch-hil results state`" in filled
+    assert "Not measured yet (`perch-hil results` does it): state, fast-perching, fast-perching-ctrv." in filled
     assert "T1, the paper | 99.92" in filled
 
 
