@@ -1,6 +1,8 @@
-"""The camera that a rig names, opened."""
+"""The camera that a rig names: as it is calibrated and mounted, and opened."""
 
 from __future__ import annotations
+
+import math
 
 from hil.assembly.rig import CameraSlot
 from hil.wires import WireError
@@ -8,7 +10,21 @@ from hil.wires.camera import CameraWire, Mode, undistortion
 from hil.wires.camera_gstreamer import open_gstreamer
 from hil.wires.camera_mcap import RecordedCamera
 from hil.wires.camera_opencv import open_v4l2
+from policies.flying.contract import CameraContract
 from vehicle.camera.pinhole import Camera
+from vehicle.quadrotor.airframe import Airframe
+
+
+def mounted_camera(slot: CameraSlot, frame: Airframe) -> Camera:
+    """The camera of `slot` where the airframe's file puts it: a device as it is calibrated, else the paper's."""
+    found = slot.calibration.model_dump(exclude={"distortion"}) if slot.kind in ("v4l2", "gstreamer") else {}
+    return Camera(**found, offset=frame.camera.offset, tilt=math.radians(frame.camera.tilt_deg))
+
+
+def camera_contract(slot: CameraSlot, frame: Airframe) -> CameraContract:
+    """The same, to compare with the camera that a policy was made with."""
+    camera = mounted_camera(slot, frame)
+    return CameraContract(**{name: getattr(camera, name) for name in CameraContract.model_fields})
 
 
 def open_camera(slot: CameraSlot, mode: Mode) -> CameraWire:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from hil.assembly.cameras import camera_contract
 from hil.assembly.rig import Rig, load_rig
-from policies.flying.registry import policy_factory
-from policies.task.interface import FlyingPolicy
+from hil.recording.runs import RunError, policy_identity
+from policies.flying.registry import POLICY, PolicyFactory, policy_factory
+from policies.flying.trial import latency
 from scenarios.spec import Scenario, load
-from vehicle.quadrotor.airframe import load_airframe
+from vehicle.quadrotor.airframe import Airframe, load_airframe
 
 
 class Plan:
@@ -22,7 +24,27 @@ class Plan:
             source = self.rig.camera.model_copy(update={"source": camera})
             self.rig = self.rig.model_copy(update={"camera": source})
         self.policy_name = policy or self.rig.policy.kind
-        airframe = load_airframe(self.rig.vehicle.airframe)
-        self.make_policy: Callable[[], FlyingPolicy] = policy_factory(
-            self.policy_name, airframe, guidance=self.rig.policy.guidance
-        )
+        self.airframe: Airframe = load_airframe(self.rig.vehicle.airframe)
+        self.make_policy: PolicyFactory = rig_policy(self.policy_name, self.rig, self.airframe)
+
+    def check_latency(self, stopwatch: Callable[[], float]) -> None:
+        """Raise ContractError if the policy is too slow for this computer, by `stopwatch` (s); in real time only."""
+        if self.make_policy.network is not None:
+            latency(self.make_policy.network, stopwatch)
+
+    def check_unchanged(self) -> None:
+        """Raise RunError if the policy's file is not what it was when it was read: a run's manifest holds its digest.
+
+        Raises ProvenanceError if it cannot be read.
+        """
+        read = self.make_policy.digests.get(POLICY)
+        if read not in (None, policy_identity(self.policy_name).get("sha256")):
+            raise RunError(f"policy {self.policy_name} was changed since it was read: start again")
+
+
+def rig_policy(name: str, rig: Rig, airframe: Airframe) -> PolicyFactory:
+    """The policy called `name`, checked against the rig: its airframe, its camera as calibrated and mounted.
+
+    Raises what `policy_factory` raises.
+    """
+    return policy_factory(name, airframe, guidance=rig.policy.guidance, camera=camera_contract(rig.camera, airframe))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from groundcar.board.layout import Board
-from hil.assembly.cameras import open_camera
+from hil.assembly.cameras import mounted_camera, open_camera
 from hil.assembly.parts import Parts
 from hil.assembly.rig import CameraSlot
 from hil.contract.node import Node
@@ -39,12 +38,10 @@ _DRAWN_AFTER_NS = 4 * _MS  # in real time: the search of the picture before has 
 def mounted_cameras(slot: CameraSlot, frame: af.Airframe, drawn: Drawn) -> tuple[Camera, Camera]:
     """(the true camera, the calibrated one). Of a device only the calibrated one is known: that of the airframe's file;
     a recording is taken to be of a run with the same drawn numbers."""
-    offset, tilt = frame.camera.offset, math.radians(frame.camera.tilt_deg)
+    camera = mounted_camera(slot, frame)
     if slot.kind in ("v4l2", "gstreamer"):
-        found = slot.calibration.model_dump(exclude={"distortion"})
-        camera = Camera(**found, offset=offset, tilt=tilt)
         return camera, camera
-    true = Camera(offset=offset, tilt=tilt + drawn.camera_tilt_offset)
+    true = replace(camera, tilt=camera.tilt + drawn.camera_tilt_offset)
     return true, replace(true, tilt=true.tilt + drawn.camera_tilt_error)
 
 

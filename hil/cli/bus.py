@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -113,6 +114,7 @@ def node(
     from hil.live.options import check_identities, check_service
     from hil.live.spec import LiveSpec
     from hil.live.wires import free_ports
+    from hil.recording.provenance import ProvenanceError
     from hil.recording.recorder import RecordingError
     from hil.wires import WireError
 
@@ -124,12 +126,14 @@ def node(
         plan = spec.plan()
         check_service(plan.rig, service)
         check_identities(keys, [service])
+        if service == "brain":
+            plan.check_latency(time.perf_counter)
         if receipts is not None:
             receipts.mkdir(parents=True, exist_ok=True)
         code = serve(spec, service, spec.services(plan.rig)[service], remote=True, wait_s=wait)
     except ValueError as error:
         raise fail(str(error)) from None
-    except (BusError, WireError, OSError, RecordingError) as error:
+    except (BusError, WireError, OSError, RecordingError, ProvenanceError) as error:
         raise fail(str(error), COULD_NOT_RUN) from None
     raise typer.Exit(code)
 

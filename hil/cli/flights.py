@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -75,6 +76,8 @@ def plan_of(request: Request, seeds: Sequence[int]) -> Plan:
         from hil.live.options import check_options
 
         check_options(plan.rig, request.remote, request.endpoint, request.keys, viewed=request.view)
+        if "brain" not in request.remote:
+            plan.check_latency(time.perf_counter)
     else:
         given = [f"--{name}" for name in ("remote", "endpoint", "keys") if getattr(request, name)]
         if given:
@@ -95,6 +98,7 @@ def fly_seeds(request: Request, plan: Plan, seeds: Sequence[int], listener: List
     )  # fmt: skip
     with _viewer(request, listener) as viewer:
         for seed in seeds:
+            plan.check_unchanged()
             fly_one = _fly_live if request.live else _fly_lockstep
             flown = fly_one(request, plan, seed, code, clearance, listener, viewer)
             note_parameters(flown.flight.run)

@@ -29,10 +29,11 @@ def add_group(
     *,
     flat: bool = True,
     lists: bool = False,
-) -> None:
-    """Add the group `name` with its commands; `flat`: each also as a hidden command of `app`, under its own name.
+) -> typer.Typer:
+    """Add the group `name` with its commands, and return it.
 
-    `lists`: the group is its command `list` where none is named, so that `list` itself has no flat name.
+    `flat`: each command is also a hidden one of `app`, under its own name. `lists`: the group is its command `list`
+    where none is named, so that `list` itself has no flat name.
     """
     group = typer.Typer(no_args_is_help=not lists, cls=ListsByDefault if lists else TyperGroup, help=text)
     for word, command in commands.items():
@@ -40,3 +41,4 @@ def add_group(
         if flat and word != DEFAULT:
             app.command(word, hidden=True)(command)
     app.add_typer(group, name=name)
+    return group

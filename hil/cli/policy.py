@@ -1,14 +1,15 @@
-"""`perch-hil policy train|evaluate`: trains policies, and evaluates every policy that can fly."""
+"""`perch-hil policy train|evaluate|check`: trains policies, evaluates them, and checks a policy's file."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from hil.cli.groups import add_group
-from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, POLICIES, USAGE, Json, fail
+from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, OK, POLICIES, USAGE, Json, Rig, fail
 
 
 def train(
@@ -74,7 +75,8 @@ def evaluate(
     policy: Annotated[
         str,
         typer.Argument(
-            help=f"{POLICIES}, PATH.onnx, expert (it knows the future), fast-perching or fast-perching-ctrv"
+            help=f"{POLICIES}, state (it is told where the board is), PATH.onnx, expert (it knows the future), "
+            "fast-perching or fast-perching-ctrv"
         ),
     ],
     episodes: Annotated[int, typer.Option(min=10, help="episodes at each point")] = 2000,
@@ -128,6 +130,34 @@ def evaluate(
         found.show()
 
 
+def check(
+    policy: Annotated[str, typer.Argument(help="PATH.onnx, or the name of a shipped network")],
+    rig: Rig = "sim",
+    as_json: Json = False,
+) -> None:
+    """Tell whether a policy file can be flown.
+
+    The checks of every run, a line each: the file, its contract against the rig's airframe and camera, its answers to
+    recorded observations, how long one takes, and how far they are from the shipped network's.
+
+    Exit code: 0 it can be flown, 2 refused.
+    """
+    from hil.cli.policy_check import check_policy
+    from hil.cli.screen import print_json, say
+
+    try:
+        findings = check_policy(policy, rig)
+    except ValueError as error:
+        raise fail(str(error), USAGE) from None
+    if as_json:
+        print_json([asdict(finding) for finding in findings])
+    else:
+        for finding in findings:
+            say(f"{finding.check:10s} {'ok' if finding.ok else 'REFUSED':8s} {finding.text}")
+    raise typer.Exit(OK if all(finding.ok for finding in findings) else USAGE)
+
+
 def register(app: typer.Typer) -> None:
-    """Add the group."""
-    add_group(app, "policy", "Train policies, and judge them.", {"train": train, "evaluate": evaluate})
+    """Add the group; `check` has no flat name: that is the checklists'."""
+    group = add_group(app, "policy", "Train policies, and judge them.", {"train": train, "evaluate": evaluate})
+    group.command("check")(check)

@@ -20,9 +20,10 @@ from hil.live.priority import StepPriority, take_priority
 from hil.live.process import PARENT, die_with_parent
 from hil.live.run_clock import RunTime
 from hil.live.service import LiveService
-from hil.live.spec import LiveSpec
+from hil.live.spec import LiveSpec, run_digests
 from hil.live.warm_up import warm_up
 from hil.live.wires import LiveWires
+from hil.recording.provenance import ProvenanceError
 from hil.recording.receipts import ReceiptBook
 from hil.recording.recorder import RecordingError
 from hil.wires import WireError
@@ -49,7 +50,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
     another host, whose hub may take `wait_s` to come up."""
     sys.setswitchinterval(2e-4)  # a thread of the bus must not wait 5 ms for the interpreter
     plan = spec.plan()
-    drawn = spec.draw(plan)
+    serves, drawn = run_digests(plan, spec.seed), spec.draw(plan)
     warm_up(plan, drawn, names)
     wires = LiveWires(plan.rig, spec.ports)
     assembly = Assembly(
@@ -64,7 +65,7 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
         live = LiveService(
             service, nodes, bus, run_time, presence=presence, book=book, trouble=lambda: wires.trouble,
-            serves=spec.digest(plan), descriptors=wires.descriptors, phase_ns=row.phase_ns,
+            serves=serves, descriptors=wires.descriptors, phase_ns=row.phase_ns,
             step_priority=StepPriority(row.priority),
         )  # fmt: skip
 
@@ -106,7 +107,7 @@ def main() -> int:
 
             return hub(spec)
         return serve(spec, service, spec.services()[service])
-    except (BusError, WireError, RecordingError, ValueError, OSError) as error:  # OSError: also no answer in time
+    except (BusError, WireError, RecordingError, ProvenanceError, ValueError, OSError) as error:  # the last: no answer
         print(f"perch-hil: {service}: {error}", file=sys.stderr, flush=True)
         return COULD_NOT_RUN
 

@@ -24,7 +24,7 @@ from hil.live.load import load_now
 from hil.live.orphaned import remove_orphaned_memory
 from hil.live.run_clock import clock_lines
 from hil.live.run_events import RunEvents
-from hil.live.spec import LiveSpec
+from hil.live.spec import LiveSpec, run_digests
 from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
 from hil.recording.provenance import Code
@@ -66,6 +66,7 @@ def fly_live(
     not take off.
     """
     check_space(out, pictures)
+    digests = run_digests(plan, seed)
     run = new_run(
         out,
         scenario={**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name},
@@ -76,7 +77,7 @@ def fly_live(
         simulated=plan.rig.simulated,
         started_utc=datetime.now(UTC),
         code=code,
-        more={"clearance": dict(clearance or {})},
+        more={"clearance": dict(clearance or {}), "digests": digests},
     )
     endpoint = endpoint or f"{'tcp' if keys is None else 'tls'}/127.0.0.1:{_free_port()}"
     logs = run.path / "live"
@@ -88,7 +89,7 @@ def fly_live(
     spec.write(logs / "spec.json")
     wall, state = time.perf_counter(), "failed"
     ended = Ended()
-    supervisor = Supervisor(logs / "spec.json", endpoint, logs, remote, spec.digest(plan))
+    supervisor = Supervisor(logs / "spec.json", endpoint, logs, remote, digests)
     try:
         with supervisor:
             try:

@@ -42,17 +42,17 @@ class LiveService:
         presence: Presence | None = None,
         book: ReceiptBook | None = None,
         trouble: Callable[[], list[str]] = list,
-        serves: str = "",
+        serves: Mapping[str, str] | None = None,
         descriptors: Mapping[int, str] | None = None,
         phase_ns: int = 0,
         step_priority: AbstractContextManager[None] | None = None,
     ) -> None:
-        """`presence` watches for the supervisor; `serves` is the digest of the run that this process was built for.
+        """`presence` watches for the supervisor; `serves` says for which run this process was built (`run_digests`).
 
         `descriptors`: of wires that wake a node, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
         `phase_ns`: when the first deadlines are, after the run's start. `step_priority` is entered for every step.
         """
-        self.name, self._bus, self._time, self._serves = name, bus, run_time, serves
+        self.name, self._bus, self._time, self._serves = name, bus, run_time, dict(serves or {})
         self._presence = presence or Presence()
         self._trouble, self._phase_ns = trouble, phase_ns
         wires = descriptors or {}
@@ -225,8 +225,8 @@ class LiveService:
             "nodes": {node: vars(pace) for node, pace in self._schedule.paces},
             "dropped": dict(mailbox.dropped), "lost": dict(mailbox.lost), "garbage": mailbox.garbage,
             "counters": counters(self._schedule.nodes), "safe": self._nodes_safe(), "why": self._why,
-            "clock": self._time.table(), "serves": self._serves, **footprint(),
-            **({"graph": declare(self._schedule.nodes)} if state == "ready" else {}),
+            "clock": self._time.table(), **footprint(),
+            **({"graph": declare(self._schedule.nodes), "serves": self._serves} if state == "ready" else {}),
         }  # fmt: skip
 
     def close(self) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -13,6 +15,8 @@ from hil.assembly.plan import Plan
 from hil.assembly.rig import Rig
 from hil.bus.leaf import Credentials, credentials_in
 from hil.live.wires import Ports
+from hil.recording.provenance import code_digest
+from policies.flying.registry import POLICY, PREDICTOR
 from scenarios.draw import Drawn, draw
 
 
@@ -48,11 +52,6 @@ class LiveSpec(BaseModel):
         """The files that make a process this service; None on an open bus."""
         return None if self.keys is None else credentials_in(self.keys, service)
 
-    def digest(self, plan: Plan) -> str:
-        """Digest of what two hosts must agree on: scenario, rig, policy and seed."""
-        agreed = [plan.scenario.model_dump_json(), plan.rig.model_dump_json(), plan.policy_name, str(self.seed)]
-        return hashlib.sha256("\n".join(agreed).encode()).hexdigest()[:12]
-
     @classmethod
     def read(cls, path: Path) -> LiveSpec:
         """Raises ValueError for a file that is no spec."""
@@ -67,6 +66,37 @@ class LiveSpec(BaseModel):
 
     def write(self, path: Path) -> None:
         path.write_text(self.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def run_digests(plan: Plan, seed: int) -> dict[str, str]:
+    """What the processes of a run must agree on, by name: sha256 of scenario, rig, airframe, code and of what the
+    policy read from files (a name stands for a policy that has none), and the seed. Raises ProvenanceError."""
+    tables = {"scenario": plan.scenario, "rig": plan.rig, "airframe": plan.airframe}
+    digests = {name: hashlib.sha256(table.model_dump_json().encode()).hexdigest() for name, table in tables.items()}
+    read = plan.make_policy.digests
+    policy = {} if POLICY in read else {"policy": plan.policy_name}
+    return {**digests, **policy, **read, "seed": str(seed), "code": code_digest()}
+
+
+def disagreement(service: str, theirs: Mapping[str, str], ours: Mapping[str, str], *, remote: bool) -> str:
+    """Why a process that was built for `theirs` cannot serve a run of `ours` (both of `run_digests`), in one line;
+    empty if it can. `remote`: it was started on another host."""
+    names = [name for name in ours if theirs.get(name) != ours[name]]
+    if not names:
+        return ""
+    if not remote:
+        return f"{service} has read another {' and '.join(names)} than this run: changed meanwhile; start again"
+    asked = [name for name in names if name not in (POLICY, PREDICTOR, "code")]
+    if asked:
+        return (
+            f"{service} was started for another run (another {', '.join(asked)}): give `perch-hil bus node` the same "
+            "scenario, rig, camera, policy and seed"
+        )
+    name = names[0]
+    there, here = (re.sub(r"\W", "", str(table.get(name, "none")))[:12] for table in (theirs, ours))
+    copy = "copy this run's file there" + (" and name it by --policy" if name == POLICY else "")
+    mend = "install the same version there" if name == "code" else copy
+    return f"{service} has another {name} on its host ({there}) than this run ({here}): {mend}"
 
 
 def simulated_twin(rig: Rig) -> Rig:

@@ -15,7 +15,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from hil.contract.topics import TOPICS
 from hil.live.orphaned import mapped_memory
 from hil.live.process import Process
 from hil.live.run_clock import clock_fault
+from hil.live.spec import disagreement
 from hil.safety.topic_liveness import liveness_fault
 
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
@@ -43,10 +44,17 @@ class SupervisorError(RuntimeError):
 class Supervisor:
     """The processes of one run. Use as a context manager: leaving it leaves no process behind."""
 
-    def __init__(self, spec: Path, endpoint: str, logs: Path, remote: Sequence[str] = (), serves: str = "") -> None:
-        """Services in `remote` are not started here, and must be built for the run whose digest is `serves`."""
+    def __init__(
+        self,
+        spec: Path,
+        endpoint: str,
+        logs: Path,
+        remote: Sequence[str] = (),
+        serves: Mapping[str, str] | None = None,
+    ) -> None:
+        """Services in `remote` are not started here; all must be built for the run `serves` (`run_digests`)."""
         self._spec, self._endpoint, self._logs = spec, endpoint, logs
-        self._remote, self._serves = [s for s in remote if s != "hub"], serves
+        self._remote, self._serves = [s for s in remote if s != "hub"], dict(serves or {})
         self._processes: dict[str, Process] = {}
         self._bus: Bus | None = None
         self.health: dict[str, dict[str, Any]] = {}
@@ -84,13 +92,13 @@ class Supervisor:
     def wait_ready(
         self, services: Iterable[str], limit_s: float = READY_LIMIT_S, waiting: Callable[[list[str]], None] = print
     ) -> None:
-        """Until all are ready. Raises SupervisorError naming a service that ended, that is not ready in time, or that
-        runs on another host and was built for another run or whose clock cannot be compared."""
+        """Until all are ready. Raises SupervisorError naming a service that ended, that is not ready in time, that
+        was built for another run or from other files, or whose clock on another host cannot be compared."""
         services, until = list(services), time.monotonic() + limit_s
         while True:
             self.beat()
             missing = [s for s in services if self.health.get(s, {}).get("state") != "ready"]
-            self._check_remote()
+            self._check_built()
             if not missing:
                 for process in self._processes.values():  # the hub publishes no health
                     self.memory |= mapped_memory(process.pid)
@@ -101,15 +109,16 @@ class Supervisor:
             waiting(missing)
             time.sleep(0.1)
 
-    def _check_remote(self) -> None:
+    def _check_built(self) -> None:
         for service, table in self.health.items():
-            if service not in self._remote:
+            remote, serves = service in self._remote, table.get("serves")
+            if remote or serves is not None:  # the recorder builds nothing
+                read = serves if isinstance(serves, Mapping) else {}
+                fault = disagreement(service, read, self._serves, remote=remote)
+                if fault:
+                    raise SupervisorError(fault)
+            if not remote:
                 continue
-            if table.get("serves") != self._serves:
-                raise SupervisorError(
-                    f"{service} was started for another run: give `perch-hil bus node` the same scenario, rig, camera, "
-                    "policy and seed"
-                )
             fault = clock_fault(service, table.get("clock", {}))
             if fault:
                 raise SupervisorError(fault)

@@ -16,6 +16,7 @@ from typing import Any
 DISTRIBUTION = "perch-hil"
 ROOT = Path(__file__).resolve().parents[2]
 _CODE = ("kernel", "hil", "vehicle", "groundcar", "policies", "scenarios")  # where an untracked file changes a run
+_RUNS = {".py", ".toml", ".dbc", ".npz"}  # of it, what a run reads; a policy's .onnx has a digest of its own
 
 
 class ProvenanceError(RuntimeError):
@@ -128,6 +129,15 @@ def file_sha256(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise ProvenanceError(f"{path}: cannot be read for its checksum: {error.strerror}") from None
+
+
+def code_digest(root: Path = ROOT) -> str:
+    """sha256 over names and content of the files that a run is made of: equal for a clone and an installed package of
+    the same version, whatever git says. Raises ProvenanceError if one cannot be read."""
+    digest = hashlib.sha256()
+    for path in sorted(path for top in _CODE for path in (root / top).rglob("*") if path.suffix in _RUNS):
+        digest.update(f"{path.relative_to(root).as_posix()} {file_sha256(path)}\n".encode())
+    return digest.hexdigest()
 
 
 def _git(root: Path, *arguments: str) -> bytes:

@@ -110,7 +110,8 @@ def _scenarios(name: str) -> Callable[[Data], str]:
             groups = [[row for row in mine if row["scenario"] == scenario] for scenario in order]
             rows.append((f"`{policy}`", *map(_count, groups), _count(mine, exact=True)))
             rows.append(("into the board, m/s", *map(_impact, groups), _impact(mine)))
-        return _markdown(("", *(load(s).title.partition(":")[0] for s in order), "all"), rows) + _missing(data, {name: ""})
+        titles = (load(scenario).title.partition(":")[0] for scenario in order)
+        return _markdown(("", *titles, "all"), rows) + _missing(data, {name: ""})
 
     return made
 

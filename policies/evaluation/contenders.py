@@ -13,25 +13,27 @@ from policies.baselines.fast_perching_policy import FastPerching
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.evaluation.evaluate import Policy
-from policies.flying.contract import check_contract, open_policy
-from policies.flying.shipped import FLYABLE, policy_file
+from policies.flying.contract import check_contract
+from policies.flying.onnx_file import open_policy
+from policies.flying.shipped import PLANNERS, SHIPPED, policy_file
+from policies.flying.trial import try_policy
 from policies.planner.policy import GUIDANCE
 from policies.teachers.planner import ANALYTIC, LEARNED, PlannerInEnv
 from policies.teachers.teacher import Teacher
 
-NAMES = (*FLYABLE, "expert", "fast-perching", "fast-perching-ctrv")
+NAMES = (*SHIPPED, *PLANNERS, "expert", "fast-perching", "fast-perching-ctrv")
 
 
 class OnnxPolicy:
     """An exported policy as an `evaluate.Policy`: what flies, on the training's environment. Raises ContractError."""
 
     def __init__(self, path: str | Path) -> None:
-        self.session, self.contract = open_policy(path)
-        check_contract(self.contract)
-        self._input = self.session.get_inputs()[0].name
+        self.network = open_policy(path)
+        check_contract(self.network.contract)
+        try_policy(self.network)
 
     def __call__(self, env: Env) -> np.ndarray:
-        return self.session.run(None, {self._input: env.rows.observation})[0]
+        return self.network.run(env.rows.observation)
 
 
 class Expert:
@@ -92,6 +94,6 @@ def open_contender(name: str) -> Contender:
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise ValueError(f"no policy '{name}': give {', '.join(NAMES)} or the path of an .onnx file{hint}")
     made = OnnxPolicy(file)
-    contract = made.contract
+    contract = made.network.contract
     made_for = contract.stage, contract.observation.stride, contract.airframe, contract.guidance
     return Contender(contract.name, made, *made_for)

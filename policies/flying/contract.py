@@ -7,7 +7,6 @@ badly; a mismatch must therefore be one clear error before take-off.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -17,6 +16,14 @@ from vehicle.quadrotor.airframe import Airframe
 
 METADATA_KEY = "perch_hil_contract"
 _RETRAIN = "; train it with this version of the project"
+_STAGES = {"vision": ": it knows of the board by a camera; train one with --stage vision"}
+_ANOTHER_CAMERA = "; correct the calibration or the mount, train one for this mount, or fly a planner"
+# How far a rig's camera may differ from the one trained with. Training turns the camera by up to 5 deg each way
+# (`camera_tilt_deg` of policies/environment/config.py) and evaluation by up to 8; nothing varies the other two: so much
+# a careful measurement, or another sample of the same lens, may differ.
+EDGE = math.radians(5.0)  # of each edge of the picture, rad
+FOCAL = 1.15  # ratio of the focal lengths in px, which decides from how far tags are read
+OFFSET = 0.03  # of the camera's place on the vehicle, m
 CONTRACT_FORMAT = 1
 
 
@@ -71,7 +78,8 @@ class VehicleContract(_Part):
 
 
 class CameraContract(_Part):
-    """The camera trained with: px, m (body FLU), rad below body x."""
+    """The camera trained with, or a rig's: px (undistorted, pixel centres at integers), m (body FLU), rad below body
+    x."""
 
     width: int = 1280
     height: int = 720
@@ -84,13 +92,31 @@ class CameraContract(_Part):
 
     @classmethod
     def of(cls, airframe: Airframe) -> CameraContract:
-        """The paper's camera, which every picture is brought to, where the airframe carries it."""
+        """The paper's camera, with which the training environment sees, where the airframe carries it."""
         return cls(offset=airframe.camera.offset, tilt=math.radians(airframe.camera.tilt_deg))
 
-    def like(self, other: CameraContract) -> bool:
-        """Whether it is the same but for rounding."""
-        mine, its = ([c.width, c.height, c.fx, c.fy, c.cx, c.cy, *c.offset, c.tilt] for c in (self, other))
-        return all(math.isclose(a, b, abs_tol=1e-9) for a, b in zip(mine, its, strict=True))
+    def edges(self) -> dict[str, float]:
+        """Directions of the picture's edges, rad from body x: to the left, to the right, up and down."""
+        return {
+            "left": math.atan2(self.cx + 0.5, self.fx),
+            "right": math.atan2(self.width - 0.5 - self.cx, self.fx),
+            "upper": math.atan2(self.cy + 0.5, self.fy) - self.tilt,
+            "lower": math.atan2(self.height - 0.5 - self.cy, self.fy) + self.tilt,
+        }
+
+    def difference(self, rig: CameraContract) -> str:
+        """What tells it from the camera of a rig, as text; empty if they are so alike that a policy made with one may
+        fly with the other (EDGE, OFFSET, FOCAL)."""
+        for name, angle in self.edges().items():
+            theirs = rig.edges()[name]
+            if not abs(angle - theirs) <= EDGE:
+                seen = f"a picture whose {name} edge is at {math.degrees(angle):.1f} deg"
+                return f"{seen}, this rig's is at {math.degrees(theirs):.1f} deg"
+        if not 1.0 / FOCAL <= self.fx / rig.fx <= FOCAL:
+            return f"a focal length of {self.fx:.0f} px, this rig's is {rig.fx:.0f} px"
+        if not math.dist(self.offset, rig.offset) <= OFFSET:
+            return f"a camera at {self.offset} m from the centre of mass, this rig's is at {rig.offset} m"
+        return ""
 
 
 class Provenance(_Part):
@@ -144,43 +170,18 @@ def parse_contract(text: str, where: str = "policy") -> Contract:
         ) from None
 
 
-def open_policy(path: str | Path) -> tuple[Any, Contract]:
-    """ONNX Runtime session (one thread, no spinning) and contract of a policy file. Raises ContractError."""
-    import onnxruntime
+def check_contract(
+    contract: Contract,
+    *,
+    airframe: Airframe | None = None,
+    camera: CameraContract | None = None,
+    stage: str | None = None,
+) -> None:
+    """Raise ContractError, naming policy's and expected value, unless the policy fits this build and this flight.
 
-    path = Path(path)
-    if not path.is_file():
-        raise ContractError(f"policy {path} does not exist; train one or name a file under policies/checkpoints")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 4
-    try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime raises a family of bare exceptions for a damaged file
-        reason = " ".join(str(error).split())[:160]
-        raise ContractError(f"policy {path} is not a readable ONNX model ({reason}); copy or export it again") from None
-    text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
-    if text is None:
-        raise ContractError(f"policy {path} carries no '{METADATA_KEY}' metadata; `perch-hil policy train` exports it")
-    contract = parse_contract(text, f"policy {path}")
-    size = session.get_inputs()[0].shape[-1]
-    if size != contract.observation.dimension:
-        raise ContractError(
-            f"policy {path} reads {size} numbers but its contract promises {contract.observation.dimension}"
-        )
-    return session, contract
-
-
-def read_contract(path: str | Path) -> Contract:
-    """The contract of a policy file, checked against what this build can fly. Raises ContractError."""
-    contract = open_policy(path)[1]
-    check_contract(contract)
-    return contract
-
-
-def check_contract(contract: Contract, *, airframe: Airframe | None = None, stage: str | None = None) -> None:
-    """Raise ContractError, naming policy's and expected value, unless the policy fits this build and this flight."""
+    `camera`: as the rig has it, by default the training environment's on that airframe; `stage`: how the flight knows
+    of the board.
+    """
     here = ObservationContract(stride=contract.observation.stride)
     _same(contract, "observation layout", contract.observation.layout, here.layout)
     _same(contract, "observation version", contract.observation.version, here.version, _RETRAIN)
@@ -188,7 +189,7 @@ def check_contract(contract: Contract, *, airframe: Airframe | None = None, stag
     _same(contract, "observation dimension", contract.observation.dimension, here.dimension)
     _same(contract, "control rate in Hz", contract.control_hz, 100)
     if stage is not None:
-        _same(contract, "stage", contract.stage, stage)
+        _same(contract, "stage", contract.stage, stage, _STAGES.get(stage, ""))
     if airframe is None:
         return
     train = f"; train one for it: `perch-hil policy train --airframe {airframe.name}`"
@@ -196,9 +197,9 @@ def check_contract(contract: Contract, *, airframe: Airframe | None = None, stag
     _same(contract, "action scaling", contract.action, ActionContract.of(airframe), train)
     if contract.vehicle is not None:
         _same(contract, "contact disc and lags", contract.vehicle, VehicleContract.of(airframe), train)
-    camera = CameraContract.of(airframe)
-    if contract.stage == "vision" and not contract.camera.like(camera):
-        _same(contract, "camera", contract.camera, camera, train)
+    difference = contract.camera.difference(camera or CameraContract.of(airframe))
+    if contract.stage == "vision" and difference:
+        raise ContractError(f"policy '{contract.name}' was made for {difference}{_ANOTHER_CAMERA}")
 
 
 def _same(contract: Contract, what: str, has: object, wanted: object, mend: str = "") -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from policies.estimation.own_state import OwnState
-from policies.flying.contract import check_contract, open_policy
+from policies.flying.onnx_file import OpenedPolicy
 from policies.task.interface import BoardView, Command, Vec3, VehicleView
 from policies.task.observation import ObservationBuilder, action_from_command, command_from_action
 from vehicle.quadrotor import command_row
@@ -17,12 +15,9 @@ from vehicle.quadrotor.airframe import GRAVITY, Airframe
 class OnnxPolicy:
     """A trained network; it waits, not engaged, until the belief is valid, then flies to the end."""
 
-    def __init__(self, path: str | Path, airframe: Airframe) -> None:
-        """Raises ContractError if the file is missing, corrupt or made for something else."""
-        self._session, self.contract = open_policy(path)
-        check_contract(self.contract, airframe=airframe)
-        self._input = self._session.get_inputs()[0].name
-        self._builder = ObservationBuilder(self.contract.observation.stride)
+    def __init__(self, network: OpenedPolicy, airframe: Airframe) -> None:
+        self._network = network
+        self._builder = ObservationBuilder(network.contract.observation.stride)
         self._own, self._limits = OwnState(airframe), airframe.limits_row()
         self._action, self._command = np.zeros(command_row.DIM), np.zeros(command_row.DIM)
         self.reset(0)
@@ -54,7 +49,7 @@ class OnnxPolicy:
             now_ns, own.position, own.velocity, own.orientation, board.rho, self._action, own.gain, own.drag,
             board.surface_sigma,
         )  # fmt: skip
-        raw = self._session.run(None, {self._input: observation[None]})[0][0]
+        raw = self._network.run(observation[None])[0]
         self._action[:] = np.clip(raw.astype(np.float64), -1.0, 1.0)
         command_from_action(self._action, self._limits, self._command)
         p, q, r, thrust = (float(value) for value in self._command)

@@ -1,12 +1,12 @@
-"""The policies that fly by name: the networks that come with the project, and the planners."""
+"""The policies that come with the project: networks and planners, and which of them fly by name."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-SHIPPED = ("vision", "state")  # for the belief from a camera; for the board's pose from motion capture
+SHIPPED = ("vision", "state")  # networks, by the stage that they are for: a camera's belief; the board's true state
 PLANNERS = ("planner", "planner-analytic")  # it predicts the board by a network; by equations
-FLYABLE = (*SHIPPED, *PLANNERS)
+FLYABLE = ("vision", *PLANNERS)  # what knows of the board by a camera, as every flight does
 CHECKPOINTS = Path(__file__).parents[1] / "checkpoints"
 
 

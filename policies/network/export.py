@@ -12,7 +12,8 @@ import onnx
 import torch
 from onnx import numpy_helper
 
-from policies.flying.contract import METADATA_KEY, Contract, ContractError, check_contract, open_policy
+from policies.flying.contract import METADATA_KEY, Contract, ContractError, check_contract
+from policies.flying.onnx_file import open_policy
 from policies.network.actor_critic import Actor, FlightActor, NetworkConfig
 from policies.task.observation import OBS_DIM
 
@@ -78,13 +79,13 @@ def compare(flight: FlightActor, path: Path, observations: np.ndarray | None = N
     Random ones are of physical size, but their histories are no motion of a board: a well trained network differs by
     ten times as much on them.
     """
-    session, _ = open_policy(path)
+    network = open_policy(path)
     if observations is None:
         observations = np.random.default_rng(0).normal(0.0, 1.5, (_COMPARED, OBS_DIM)).astype(np.float32)
     observation = observations[:_COMPARED]
     with torch.no_grad():
         wanted = flight(torch.from_numpy(observation)).numpy()
-    got = np.concatenate([session.run(None, {"observation": row[None]})[0] for row in observation])
+    got = np.concatenate([network.run(row[None]) for row in observation])
     return float(np.abs(got - wanted).max())
 
 
@@ -96,9 +97,10 @@ def import_actor(path: Path) -> tuple[Actor, Contract]:
 
     Raises ContractError for a file that could not be flown, or whose network this version cannot build.
     """
-    session, contract = open_policy(path)
+    network = open_policy(path)
+    contract = network.contract
     check_contract(contract)
-    described = session.get_modelmeta().custom_metadata_map.get(NETWORK_KEY)
+    described = network.session.get_modelmeta().custom_metadata_map.get(NETWORK_KEY)
     if described is None:
         raise ContractError(f"{path} does not describe its network: it can be a teacher, not a parent")
     arrays = {each.name: numpy_helper.to_array(each) for each in onnx.load(path).graph.initializer}

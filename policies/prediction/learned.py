@@ -8,6 +8,7 @@ rows are kept.
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 
@@ -253,8 +254,13 @@ def load_predictor(path: Path = CHECKPOINT) -> np.ndarray:
         raise FileNotFoundError(
             f"no motion predictor at {path}: train one with python -m policies.prediction.learned_training"
         )
+    return read_predictor(path.read_bytes(), path)
+
+
+def read_predictor(content: bytes, path: Path) -> np.ndarray:
+    """The net row out of a predictor file's `content`; `path` names it. Raises ValueError as `load_predictor`."""
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with np.load(io.BytesIO(content), allow_pickle=False) as data:
             version, knots, net = int(data["version"]), data["knots"], data["net"]
     except Exception as error:
         raise ValueError(f"{path} is no motion predictor: {error}") from error

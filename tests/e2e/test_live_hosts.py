@@ -16,6 +16,7 @@ import pytest
 
 from hil.host.replay import replay_run
 from hil.recording.reader import Recording
+from tests.paths import ROOT
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(400)]
 
@@ -105,15 +106,15 @@ def start(hosts, tmp_path):
                 process.kill()
 
 
-def both(hosts, keys, start, tmp_path, *, node_seed=3):
+def both(hosts, keys, start, tmp_path, *, node_seed=3, policies=("vision", "vision")):
     endpoint = f"tls/{hosts.address}:17447"
     run = start(
         hosts.here, "run", "simple-i", *RUN, "--seed", "3", "--live", "--pictures", "none", "--remote", "brain",
-        "--endpoint", endpoint, "--keys", str(keys[0]), "--out", "runs",
+        "--endpoint", endpoint, "--keys", str(keys[0]), "--out", "runs", "--policy", str(policies[0]),
     )  # fmt: skip
     node = start(
         hosts.there, "node", "brain", "--scenario", "simple-i", *RUN, "--seed", str(node_seed), "--endpoint", endpoint,
-        "--keys", str(keys[1]), "--receipts", str(tmp_path / "receipts"), "--wait", "120",
+        "--keys", str(keys[1]), "--receipts", str(tmp_path / "receipts"), "--wait", "120", "--policy", str(policies[1]),
     )  # fmt: skip
     return run, node
 
@@ -151,6 +152,22 @@ def test_a_node_of_another_run_is_refused(hosts, keys, start, tmp_path):
     run, node = both(hosts, keys, start, tmp_path, node_seed=4)
     assert run.wait(LIMIT_S) == 3
     assert "brain was started for another run" in run.output()
+    assert node.wait(30) == 0
+
+
+def test_a_node_with_another_policy_file_of_the_same_name_is_refused(hosts, keys, start, tmp_path):
+    files = []
+    for side, network in (("own", "vision"), ("other", "plain/vision")):
+        files.append(tmp_path / side / "mine.onnx")
+        files[-1].parent.mkdir()
+        shutil.copy(ROOT / "policies" / "checkpoints" / f"{network}.onnx", files[-1])
+    run, node = both(hosts, keys, start, tmp_path, policies=files)
+    assert run.wait(LIMIT_S) == 3
+    (line,) = [line for line in run.output().splitlines() if line.startswith("perch-hil: ")]
+    assert "brain has another policy file on its host" in line
+    manifest = json.loads((folder(tmp_path) / "manifest.json").read_text())
+    assert manifest["digests"]["policy file"] == manifest["policy"]["sha256"]
+    assert manifest["digests"]["policy file"][:12] in line
     assert node.wait(30) == 0
 
 

@@ -15,7 +15,7 @@ from policies.environment.env import Env, Tally
 from policies.task.observation import LAYOUT_NAME, LAYOUT_VERSION
 from policies.task.reward import TERMS
 
-VERSION = (2, LAYOUT_NAME, LAYOUT_VERSION)  # of a checkpoint's own layout, and of what its network reads
+VERSION = (3, LAYOUT_NAME, LAYOUT_VERSION)  # of a checkpoint's own layout, and of what its network reads
 _ARRAY = "numpy array"
 
 
@@ -54,15 +54,25 @@ def save_checkpoint(path: Path, data: dict[str, Any]) -> None:
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Read a checkpoint of this project and version. Raises TrainingError in one line if it is anything else."""
-    if not path.is_file():
-        raise TrainingError(f"checkpoint {path} does not exist")
+    """Read a checkpoint of this project and version: tensors and plain values, no code. Raises TrainingError in one
+    line if it is anything else, or another user's."""
     try:
-        data = torch.load(path, map_location="cpu", weights_only=False)
-    except Exception as error:  # torch raises pickle, zip and runtime errors alike
-        raise TrainingError(
-            f"checkpoint {path} is damaged ({type(error).__name__}); start again or use another"
-        ) from None
+        file = path.open("rb")
+    except FileNotFoundError:
+        raise TrainingError(f"checkpoint {path} does not exist") from None
+    except OSError as error:
+        raise TrainingError(f"checkpoint {path} cannot be read: {error.strerror}") from None
+    with file:
+        owner = os.fstat(file.fileno()).st_uid
+        if owner != os.geteuid():
+            raise TrainingError(f"checkpoint {path} belongs to another user (uid {owner}); copy it to use it")
+        try:
+            data = torch.load(file, map_location="cpu", weights_only=True)
+        except Exception as error:  # torch raises pickle, zip and runtime errors alike
+            raise TrainingError(
+                f"checkpoint {path} is damaged or of an older version ({type(error).__name__}); start again or use "
+                "another"
+            ) from None
     if not isinstance(data, dict):
         raise TrainingError(f"{path} is no checkpoint of a training run")
     version = data.get("version", (1,))
@@ -76,8 +86,8 @@ def _packed(data: Any) -> Any:
     """Arrays as tensors on the same memory: pickled as arrays, a replay would take several times its size to write."""
     if isinstance(data, dict):
         return {k: _packed(v) for k, v in data.items()}
-    if isinstance(data, np.ndarray) and data.ndim:
-        return {_ARRAY: torch.from_numpy(np.ascontiguousarray(data))}
+    if isinstance(data, np.ndarray):
+        return {_ARRAY: torch.from_numpy(data.copy() if data.ndim == 0 else np.ascontiguousarray(data))}
     return data
 
 

@@ -17,7 +17,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from policies.environment.env import Env
-from policies.flying.contract import ContractError, check_contract, open_policy
+from policies.flying.contract import ContractError, check_contract
+from policies.flying.onnx_file import open_policy
 from policies.task import tail_row
 from policies.task.observation import TAIL
 from policies.training.learners.storage import TrainingError
@@ -37,7 +38,7 @@ class NetworkTeacher:
         """
         path = Path(policy) if policy.endswith(".onnx") else _FOLDER / f"{policy}.onnx"
         try:
-            contract = open_policy(path)[1]
+            contract = open_policy(path).contract
             check_contract(contract)
         except ContractError as error:
             raise TrainingError(f"teacher: {error}") from None

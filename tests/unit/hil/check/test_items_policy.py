@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from hil.assembly.rig import Calibration, CameraSlot
 from hil.check.catalogue import checks
 from hil.check.judge import Outcome
 from tests.unit.hil.check.made_up import context as make_context
@@ -13,31 +14,15 @@ from tests.unit.hil.check.preflight import result
 class TestPolicy:
     @pytest.fixture
     def policy(self, tmp_path):
-        onnx = pytest.importorskip("onnx")
-        import numpy as np
+        pytest.importorskip("onnx")
+        from tests.unit.policies.flying.made_networks import CONTRACT, write
 
-        from policies.flying.contract import METADATA_KEY, Contract, Provenance
-        from policies.task.observation import OBS_DIM
-        from vehicle.quadrotor.airframe import load_airframe
-
-        def make(**changes):
-            h = onnx.helper
-            weight = onnx.numpy_helper.from_array(np.zeros((OBS_DIM, 4), dtype=np.float32), "w")
-            kind = onnx.TensorProto.FLOAT
-            graph = h.make_graph(
-                [h.make_node("MatMul", ["observation", "w"], ["action"])],
-                "g",
-                [h.make_tensor_value_info("observation", kind, [1, OBS_DIM])],
-                [h.make_tensor_value_info("action", kind, [1, 4])],
-                [weight],
+        def make(camera=None, /, weight=0.001, **changes):
+            text = CONTRACT.model_copy(update=changes).model_dump_json()
+            context = replace(make_context(tmp_path), policy=str(write(tmp_path / "p.onnx", text, weight=weight)))
+            return (
+                context if camera is None else replace(context, rig=context.rig.model_copy(update={"camera": camera}))
             )
-            model = h.make_model(graph, opset_imports=[h.make_opsetid("", 17)], ir_version=8)
-            origin = Provenance(recipe="r", seed=1, samples=2)
-            airframe = load_airframe("paper_quad")
-            described = Contract.of(airframe, name="p", stage="vision", provenance=origin).model_copy(update=changes)
-            h.set_model_props(model, {METADATA_KEY: described.model_dump_json()})
-            onnx.save(model, tmp_path / "p.onnx")
-            return replace(make_context(tmp_path), policy=str(tmp_path / "p.onnx"))
 
         return make
 
@@ -47,6 +32,22 @@ class TestPolicy:
     def test_a_policy_for_another_airframe_fails(self, policy):
         judged = result(policy(airframe="crazyflie"), "policy.contract")
         assert (judged.outcome, "crazyflie" in judged.reason) == (Outcome.FAIL, True)
+
+    def test_a_policy_for_the_true_state_fails(self, policy):
+        judged = result(policy(stage="state"), "policy.contract")
+        assert (judged.outcome, "stage state" in judged.reason) == (Outcome.FAIL, True)
+
+    def test_a_camera_that_sees_otherwise_than_the_one_trained_with_fails(self, policy):
+        lens = Calibration(width=320, height=240, fx=300.0, fy=300.0, cx=159.5, cy=119.5)
+        camera = CameraSlot(kind="v4l2", device="/dev/video0", calibration=lens)
+        judged = result(policy(camera), "policy.contract")
+        assert (judged.outcome, "left edge is at" in judged.reason) == (Outcome.FAIL, True)
+        near = CameraSlot(kind="v4l2", device="/dev/video0", calibration=Calibration(fx=731.0, fy=730.5, cx=645.0))
+        assert result(policy(near), "policy.contract").outcome is Outcome.PASS
+
+    def test_a_policy_with_answers_that_cannot_be_flown_fails(self, policy):
+        judged = result(policy(weight=float("nan")), "policy.contract")
+        assert (judged.outcome, "not finite" in judged.reason) == (Outcome.FAIL, True)
 
     def test_policy_item_compares_the_required_hash(self, policy):
         context = policy()

@@ -36,7 +36,7 @@ def test_seed_and_seeds_together_are_refused():
     [
         (["hard-1"], 'did you mean "hard-i"'),
         (["hard-i", "--rig", "simm"], 'did you mean "sim"'),
-        (["hard-i", "--policy", "plannr"], "use vision, state, planner, planner-analytic"),
+        (["hard-i", "--policy", "plannr"], "use vision, planner, planner-analytic"),
         (["hard-i", "--policy", "nowhere.onnx"], "does not exist"),
         (["hard-i", "--seeds", "5..1"], "run upwards"),
         (["no/such/file.toml"], "cannot be read"),

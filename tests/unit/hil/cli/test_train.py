@@ -139,7 +139,7 @@ def test_ctrl_c_saves_a_checkpoint_and_prints_the_resume_command(tmp_path, tiny,
     assert signal.getsignal(signal.SIGINT) is before
     command = result.stdout.strip().splitlines()[-1].split()
     assert command[:3] == ["perch-hil", "policy", "train"] and command[-1] == "--resume"
-    assert torch.load(out / "checkpoint.pt", weights_only=False)["total"] == 256
+    assert torch.load(out / "checkpoint.pt", weights_only=True)["total"] == 256
     again = runner.invoke(app, command[1:])
     assert again.exit_code == 0, again.output
     assert (out / "curve.csv").read_text().splitlines()[-1].startswith("512,")

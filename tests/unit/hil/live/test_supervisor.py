@@ -150,20 +150,44 @@ def test_a_service_that_does_not_publish_because_it_ends_is_reported_as_ended(tm
     one.end(0.0)
 
 
+OURS = {"scenario": "s", "rig": "r", "seed": "3", "policy file": "e5c5" * 16, "code": "c0de" * 16}
+OLD_CLOCK = {"shared": False, "error_ns": 9_000_000}
+
+
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ({"serves": "other"}, "brain was started for another run: give `perch-hil bus node` the same scenario"),
+        ({}, r"brain was started for another run .another scenario, rig, seed.: give `perch-hil bus node` the same"),
+        ({"serves": "of an older version"}, "brain was started for another run"),
+        ({"serves": {**OURS, "seed": "4"}}, r"brain was started for another run .another seed."),
         (
-            {"serves": "this", "clock": {"shared": False, "error_ns": 9_000_000}},
+            {"serves": {**OURS, "policy file": "d887" * 16}},
+            r"brain has another policy file on its host .d887d887d887. than this run .e5c5e5c5e5c5.: copy this run's",
+        ),
+        (
+            {"serves": {**OURS, "code": "0" * 64}},
+            r"brain has another code on its host .000000000000. than this run .c0dec0dec0de.: install the same version",
+        ),
+        (
+            {"serves": OURS, "clock": OLD_CLOCK},
             "brain: its host's clock can be compared with the hub's only to within 9.0 ms, allowed are 5",
         ),
     ],
 )
 def test_a_service_of_another_host_that_does_not_fit_is_refused(tmp_path, table, text):
-    supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, ("brain",), "this")
+    supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, ("brain",), OURS)
     supervisor.health["brain"] = {"state": "ready", **table}
-    with pytest.raises(SupervisorError, match=text):
+    with pytest.raises(SupervisorError, match=text) as error:
+        supervisor.wait_ready(["brain"], waiting=lambda _: None)
+    assert "\n" not in str(error.value)
+
+
+def test_a_service_of_this_host_that_has_read_a_changed_file_is_refused(tmp_path):
+    supervisor = Supervisor(tmp_path / "spec.json", "tcp/127.0.0.1:1", tmp_path, (), OURS)
+    supervisor.health |= {"brain": {"state": "ready", "serves": OURS}, "recorder": {"state": "ready"}}
+    supervisor.wait_ready(["brain", "recorder"], waiting=lambda _: None)
+    supervisor.health["brain"]["serves"] = {**OURS, "policy file": "d887" * 16}
+    with pytest.raises(SupervisorError, match="brain has read another policy file than this run: changed meanwhile"):
         supervisor.wait_ready(["brain"], waiting=lambda _: None)
 
 

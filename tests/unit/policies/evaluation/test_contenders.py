@@ -5,7 +5,8 @@ import pytest
 
 from policies.evaluation.contenders import open_contender
 from policies.evaluation.evaluate import run_episodes
-from policies.flying.contract import ContractError, read_contract
+from policies.flying.contract import ContractError
+from policies.flying.onnx_file import open_policy
 from policies.task import result_row
 from policies.task.contact import SUCCESS
 
@@ -25,7 +26,7 @@ def test_network_is_evaluated_in_the_environment_of_its_contract():
     network = open_contender(STATE)
     config = network.config(None, 5, count=8)
     assert (config.stage, config.seed, config.noise_scale) == ("state", 5, (1.0, 1.0))
-    assert config.stride == read_contract(STATE).observation.stride
+    assert config.stride == open_policy(STATE).contract.observation.stride
     assert config.odometry_noise == 0.0 and network.config("vision", 5).odometry_noise == 1.0
 
 

@@ -1,76 +1,27 @@
-"""Contract: what is refused before take-off, each time in one clear line. Needs no torch."""
+"""Contract: what is refused before take-off, each time in one clear line."""
 
-import numpy as np
-import onnx
+import math
+
 import pytest
-from onnx import TensorProto, helper, numpy_helper
 
 from policies.flying.contract import (
-    METADATA_KEY,
-    Contract,
+    CameraContract,
     ContractError,
     ObservationContract,
-    Provenance,
     check_contract,
-    open_policy,
     parse_contract,
-    read_contract,
 )
+from policies.flying.onnx_file import open_policy
 from policies.flying.shipped import SHIPPED, policy_file
-from policies.task.observation import OBS_DIM
+from tests.unit.policies.flying.made_networks import CONTRACT, PAPER
 from vehicle.quadrotor.airframe import load_airframe
 
-PAPER, CRAZYFLIE = load_airframe("paper_quad"), load_airframe("crazyflie")
-CONTRACT = Contract.of(PAPER, name="test", stage="vision", provenance=Provenance(recipe="r", seed=1, samples=2))
-
-
-def write(path, text=None, size=OBS_DIM):
-    weight = numpy_helper.from_array(np.full((size, 4), 0.01, dtype=np.float32), "w")
-    graph = helper.make_graph(
-        [helper.make_node("MatMul", ["observation", "w"], ["action"])],
-        "g",
-        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, [1, size])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, [1, 4])],
-        [weight],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    if text is not None:
-        helper.set_model_props(model, {METADATA_KEY: text})
-    onnx.save(model, path)
-    return path
+CRAZYFLIE = load_airframe("crazyflie")
 
 
 def one_line(error):
     assert "\n" not in str(error.value)
     return str(error.value)
-
-
-def test_contract_round_trips_through_json(tmp_path):
-    path = write(tmp_path / "p.onnx", CONTRACT.model_dump_json())
-    assert read_contract(path) == CONTRACT
-    session, contract = open_policy(path)
-    assert contract == CONTRACT
-    action = session.run(None, {"observation": np.ones((1, OBS_DIM), dtype=np.float32)})[0]
-    assert action == pytest.approx(0.01 * OBS_DIM, rel=1e-5)
-
-
-def test_missing_and_corrupt_policy_files_are_refused(tmp_path):
-    with pytest.raises(ContractError, match="does not exist") as error:
-        read_contract(tmp_path / "none.onnx")
-    one_line(error)
-    path = write(tmp_path / "p.onnx", CONTRACT.model_dump_json())
-    path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(ContractError, match="not a readable ONNX model") as error:
-        read_contract(path)
-    one_line(error)
-    path.write_bytes(b"")
-    with pytest.raises(ContractError):
-        read_contract(path)
-
-
-def test_policy_file_without_a_contract_is_refused(tmp_path):
-    with pytest.raises(ContractError, match=METADATA_KEY):
-        read_contract(write(tmp_path / "p.onnx"))
 
 
 @pytest.mark.parametrize(
@@ -119,12 +70,13 @@ def test_airframe_without_a_policy_error_names_the_training_command():
         ("command", {"rate_lag": 0.06}, "rate_lag=0.04"),
         ("command", {"thrust": (4.8, 15.0)}, "thrust_max=14.8"),
         ("command", {"body_rate": 4.0}, "rate_max=3.5"),
-        ("camera", {"tilt_deg": 30.0}, "camera"),
+        ("camera", {"tilt_deg": 30.0}, "upper edge is at 11.5 deg, this rig's is at -3.5 deg"),
+        ("camera", {"offset": (0.02, 0.0, 0.0)}, "camera at (0.08, 0.0, 0.0) m"),
     ],
 )
 def test_changed_airframe_is_refused_with_the_value_that_differs(section, change, message):
     part = getattr(PAPER, section).model_copy(update=change)
-    with pytest.raises(ContractError, match="train one for it") as error:
+    with pytest.raises(ContractError, match="train one for") as error:
         check_contract(CONTRACT, airframe=PAPER.model_copy(update={section: part}))
     assert message in one_line(error)
 
@@ -140,9 +92,52 @@ def test_contract_without_guidance_disables_it():
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_network_matches_its_airframe(name):
     """Its camera's tilt was written with 12 digits: rounding is no other camera."""
-    check_contract(open_policy(policy_file(name))[1], airframe=PAPER)
+    check_contract(open_policy(policy_file(name)).contract, airframe=PAPER)
 
 
-def test_network_size_that_differs_from_its_contract_is_refused(tmp_path):
-    with pytest.raises(ContractError, match="reads 7 numbers"):
-        open_policy(write(tmp_path / "p.onnx", CONTRACT.model_dump_json(), size=7))
+PAPER_CAMERA = CameraContract.of(PAPER)
+SMALL = {"width": 320, "height": 240, "fx": 300.0, "fy": 300.0, "cx": 159.5, "cy": 119.5}
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (SMALL, "left edge is at"),
+        ({"tilt": PAPER_CAMERA.tilt + math.radians(6.0)}, "upper edge is at"),
+        ({"height": 840, "cy": 359.5}, "lower edge is at"),
+        ({"width": 640, "height": 360, "fx": 362.0, "fy": 361.8, "cx": 319.5, "cy": 179.5}, "a focal length of 724 px"),
+        ({"offset": (0.08, 0.0, -0.05)}, "a camera at"),
+        ({"fx": math.nan}, "left edge is at"),
+    ],
+)
+def test_camera_of_a_rig_that_sees_otherwise_is_refused(change, text):
+    """The rig's as its calibration and its airframe's file have it; and a file that says it was made for that."""
+    rig = PAPER_CAMERA.model_copy(update=change)
+    with pytest.raises(ContractError, match="policy 'test' was made for") as error:
+        check_contract(CONTRACT, airframe=PAPER, camera=rig)
+    assert text in one_line(error)
+    with pytest.raises(ContractError):
+        check_contract(CONTRACT.model_copy(update={"camera": rig}), airframe=PAPER)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"fx": 741.2, "fy": 740.8, "cx": 655.1, "cy": 348.7},
+        {"tilt": PAPER_CAMERA.tilt + math.radians(3.0)},
+        {"offset": (0.09, 0.01, 0.01)},
+    ],
+)
+def test_camera_as_a_calibration_measures_the_one_trained_with_is_flown(change):
+    check_contract(CONTRACT, airframe=PAPER, camera=PAPER_CAMERA.model_copy(update=change))
+
+
+def test_policy_made_for_that_camera_is_flown_with_it():
+    small = PAPER_CAMERA.model_copy(update=SMALL)
+    check_contract(CONTRACT.model_copy(update={"camera": small}), airframe=PAPER, camera=small)
+
+
+def test_policy_for_the_true_state_is_refused_where_a_camera_sees():
+    state = CONTRACT.model_copy(update={"stage": "state"})
+    with pytest.raises(ContractError, match="stage state, this flight has vision: it knows of the board by a camera"):
+        check_contract(state, stage="vision")

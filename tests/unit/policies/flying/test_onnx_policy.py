@@ -3,6 +3,7 @@
 import pytest
 
 from hil.contract.messages import Belief, VehicleState
+from policies.flying.onnx_file import open_policy
 from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.registry import policy_factory
 from policies.flying.shipped import SHIPPED, policy_file
@@ -14,7 +15,7 @@ AIRFRAME = load_airframe("paper_quad")
 
 
 def test_policy_acts_on_a_picture_between_ticks_and_history_keeps_its_stride():
-    policy = OnnxPolicy(policy_file("vision"), AIRFRAME)
+    policy = OnnxPolicy(open_policy(policy_file("vision")), AIRFRAME)
     policy.reset(0)
 
     def act(now_ms, tick_ms, ahead):

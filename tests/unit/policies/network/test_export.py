@@ -5,7 +5,8 @@ import onnx
 import pytest
 import torch
 
-from policies.flying.contract import Contract, ContractError, Provenance, read_contract
+from policies.flying.contract import Contract, ContractError, Provenance
+from policies.flying.onnx_file import open_policy
 from policies.network.actor_critic import Actor, FlightActor, NetworkConfig, normalisation
 from policies.network.export import MAX_BYTES, compare, export, import_actor
 from policies.task.observation import OBS_DIM
@@ -37,7 +38,7 @@ def test_exported_onnx_agrees_with_torch(tmp_path, options):
     assert export(net, CONTRACT, path) <= 1e-5
     assert compare(FlightActor(net), path) <= 1e-5
     assert path.stat().st_size < MAX_BYTES
-    assert read_contract(path) == CONTRACT
+    assert open_policy(path).contract == CONTRACT
     assert not list(tmp_path.glob("*.tmp.*"))
 
 

@@ -1,9 +1,13 @@
 """Runs: recipes checked, files left behind, killed and resumed to the same curve, one clear line for what is wrong."""
 
+import os
+from pathlib import Path
+
+import numpy as np
 import pytest
 import torch
 
-from policies.flying.contract import read_contract
+from policies.flying.onnx_file import open_policy
 from policies.training.actor import ACTOR, POLICY, load_actor
 from policies.training.learners.dagger import Dagger
 from policies.training.learners.storage import (
@@ -121,7 +125,7 @@ def test_resumed_training_equals_an_uninterrupted_one(tiny, tmp_path):
     a, b = load_actor(whole / ACTOR)[0].state_dict(), load_actor(broken / ACTOR)[0].state_dict()
     assert all(torch.equal(a[k], b[k]) for k in a)
     assert policy == whole / POLICY
-    contract = read_contract(policy)
+    contract = open_policy(policy).contract
     assert contract.stage == "state" and contract.provenance.samples == 1024 + 768
     assert contract.provenance.recipe == "tiny" and contract.observation.stride == 3
     assert (whole / PICTURE).read_text().startswith("<svg")
@@ -134,7 +138,7 @@ def test_vision_training_starts_from_a_state_actor(tiny, tmp_path):
     stopped = tmp_path / "v"
     run(load_recipe(tiny), "vision", 1, stopped, parent=tmp_path / "s", stop=lambda: True)
     policy = run(load_recipe(tiny), "vision", 1, stopped, resume=True)
-    contract = read_contract(policy)
+    contract = open_policy(policy).contract
     assert contract.stage == "vision" and contract.provenance.parent == "tiny-state-paper_quad-1"
     assert contract.provenance.samples == 2 * (1024 + 768)
     other = tmp_path / "other.toml"
@@ -148,7 +152,7 @@ def test_a_checkpoint_of_another_version_is_refused(tiny, tmp_path):
     run(load_recipe(tiny), "state", 1, tmp_path / "run", stop=lambda: True)
     saved = load_checkpoint(path)
     save_checkpoint(path, {**saved, "version": (VERSION[0] + 1, *VERSION[1:])})
-    with pytest.raises(TrainingError, match="version 3 perchrl-yaw 3, this is 2 perchrl-yaw 3"):
+    with pytest.raises(TrainingError, match="version 4 perchrl-yaw 3, this is 3 perchrl-yaw 3"):
         run(load_recipe(tiny), "state", 1, tmp_path / "run", resume=True)
     save_checkpoint(path, {**saved, "learner": {**saved["learner"], "replay": {}}})
     with pytest.raises(TrainingError, match="does not fit") as error:
@@ -167,7 +171,7 @@ def test_non_finite_value_is_named_and_the_last_finite_checkpoint_kept(tiny, tmp
     saved = load_checkpoint(tmp_path / "run" / CHECKPOINT)
     assert saved["phase"] == 0 and saved["total"] == 1024
     assert all(torch.isfinite(value).all() for value in saved["learner"]["actor"].values())
-    read_contract(tmp_path / "run" / POLICY)
+    open_policy(tmp_path / "run" / POLICY)
 
 
 def test_non_finite_weights_are_never_saved(tiny, tmp_path, monkeypatch):
@@ -194,6 +198,32 @@ def test_missing_or_damaged_checkpoint_and_unknown_device_raise_training_errors(
         load_checkpoint(tmp_path / CHECKPOINT)
     with pytest.raises(TrainingError, match="no device 'gpu'"):
         run(load_recipe(tiny), "state", 1, tmp_path / "gpu", device="gpu")
+
+
+class Code:
+    """Runs code when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return Path.touch, (self.path,)
+
+
+def test_checkpoint_that_holds_code_is_refused_and_the_code_not_run(tmp_path):
+    torch.save({"version": VERSION, "learner": Code(tmp_path / "ran")}, tmp_path / CHECKPOINT)
+    with pytest.raises(TrainingError, match="is damaged or of an older version") as error:
+        load_checkpoint(tmp_path / CHECKPOINT)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_checkpoint_of_another_user_is_refused(tmp_path, monkeypatch):
+    save_checkpoint(tmp_path / CHECKPOINT, {"steps": np.array(3)})
+    assert load_checkpoint(tmp_path / CHECKPOINT)["steps"] == 3
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    with pytest.raises(TrainingError, match=f"belongs to another user .uid {os.getuid()}.; copy it"):
+        load_checkpoint(tmp_path / CHECKPOINT)
 
 
 def test_curve_drops_rows_after_the_checkpoint(tmp_path):

@@ -10,7 +10,7 @@ from onnx import TensorProto, helper
 
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
-from policies.flying.contract import open_policy
+from policies.flying.onnx_file import open_policy
 from policies.task import tail_row
 from policies.task.observation import OBS_DIM, TAIL, action_from_command, command_from_action
 from policies.training.learners.storage import TrainingError
@@ -26,9 +26,9 @@ FILES = sorted(path.stem for path in CHECKPOINTS.glob("*.onnx"))
 
 @pytest.mark.parametrize("name", FILES)
 def test_torch_graph_agrees_with_onnx_runtime(name):
-    session, _ = open_policy(CHECKPOINTS / f"{name}.onnx")
+    network = open_policy(CHECKPOINTS / f"{name}.onnx")
     observation = np.random.default_rng(0).normal(0.0, 1.5, (512, OBS_DIM)).astype(np.float32)
-    wanted = session.run(None, {"observation": observation})[0]
+    wanted = network.run(observation)
     got = Graph(CHECKPOINTS / f"{name}.onnx", CPU)(torch.from_numpy(observation)).numpy()
     assert np.abs(got - wanted).max() < 1e-4
 
