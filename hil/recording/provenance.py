@@ -16,6 +16,7 @@ from typing import Any
 DISTRIBUTION = "perch-hil"
 ROOT = Path(__file__).resolve().parents[2]
 _CODE = ("kernel", "hil", "vehicle", "groundcar", "policies", "scenarios")  # where an untracked file changes a run
+_FILES = ("*.py", "*.json", "*.dbc", "scout_mini.toml")  # of it; what a run names (networks, rigs) has its own digest
 
 
 class ProvenanceError(RuntimeError):
@@ -119,6 +120,26 @@ def machine() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "python": platform.python_version(),
     }
+
+
+def code_digests(root: Path = ROOT) -> dict[str, str]:
+    """Package -> digest of its code as it lies under `root`, whatever git knows of it.
+
+    Raises ProvenanceError if a file cannot be read.
+    """
+    return {name: _folder_digest(root / name) for name in _CODE}
+
+
+def content_sha256(content: Any) -> str:
+    """Hex digest of plain tables, lists, texts and numbers."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _folder_digest(folder: Path) -> str:
+    files = sorted(path for pattern in _FILES for path in folder.rglob(pattern))
+    content = {path.relative_to(folder).as_posix(): file_sha256(path) for path in files}
+    return content_sha256(content)[:16]
 
 
 def file_sha256(path: Path) -> str:
