@@ -50,7 +50,8 @@ def vehicle_link(parts: Parts) -> VehicleLink:
             system=slot.system,
             component=slot.component,
             clock_drift=slot.clock_drift,
-            signing=_signing(slot.signing_key, parts.unix_ns),
+            signing=vehicle_signing(slot.signing_key, parts.unix_ns),
+            arm=False,  # the host permits it, with what the go is bound to
         )
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
     link = Px4Link(parts.wires.vehicle_link(), config)
@@ -65,8 +66,11 @@ def _wind(parts: Parts) -> Wind | None:
     return Wind(wind.mean, wind.gust, wind.gust_time, parts.drawn.wind_seed)
 
 
-def _signing(path: str, unix_ns: int) -> Signing | None:
-    """The signing of the vehicle's link with the key in the file `path`; None without one."""
+def vehicle_signing(path: str, unix_ns: int) -> Signing | None:
+    """The signing of the vehicle's link with the key in the file `path`; None without one.
+
+    `unix_ns`: date (Unix time) at which the link's clock shows 0. Raises ValueError if the key cannot be used.
+    """
     if not path:
         return None
     return Signing(key=read_signing_key(path), epoch_ns=unix_ns)

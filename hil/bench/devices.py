@@ -1,9 +1,8 @@
-"""The subject of a checklist, and the devices that its checks read: each is opened on first use and then kept."""
+"""The devices that a checklist reads: each is opened on first use and then kept."""
 
 from __future__ import annotations
 
-import hashlib
-import json
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,10 +18,10 @@ from hil.bench.failsafes import TrialReport, try_failsafes
 from hil.bench.mocap import MocapReport, measure_mocap
 from hil.bench.reading import NotApplicable, Unavailable
 from hil.bench.vehicle import Bench, GroundReport, SimulatedBench, live_bench, read_ground
-from hil.recording.runs import policy_identity
 from kernel.rotations import swap_attitude
 from scenarios.draw import Drawn, draw
 from scenarios.spec import Scenario
+from vehicle.px4.driver.arming import Arming, Identity
 from vehicle.quadrotor.airframe import Airframe, load_airframe
 
 if TYPE_CHECKING:
@@ -49,6 +48,8 @@ class Context:
     keys: Path | None = None
     _kept: dict[str, Any] = field(default_factory=dict)
     _reported_s: float = 0.0
+    _identity: Identity | None = None
+    _parameters: dict[str, float] = field(default_factory=dict)  # that checks have read so far
 
     @cached_property
     def airframe(self) -> Airframe:
@@ -70,6 +71,27 @@ class Context:
             self._kept["ground"] = read_ground(bench)
             self._reported_s = time.monotonic()
         return self._kept["ground"]
+
+    def identity(self) -> Identity:
+        """Which autopilot it is. Raises Unavailable if it does not tell, or is not the one that was read before."""
+        self.ground()
+        found = self._kept["bench"].identity()
+        if self._identity not in (None, found):
+            raise Unavailable(f"another autopilot answers: {found.text}; before it was {self._identity.text}")
+        self._identity = found
+        return found
+
+    def autopilot(self) -> dict[str, Any]:
+        """`Arming.table` of the real autopilot and of all its parameters that were read; empty if it is simulated.
+
+        Raises Unavailable if the autopilot does not tell which one it is.
+        """
+        if self.rig.vehicle.kind == "sim":
+            return {}
+        identity = self.identity()
+        bench: Bench = self._kept["bench"]
+        held = {**self._parameters, **bench.link.parameters, **bench.read}
+        return Arming(identity, {name: value for name, value in held.items() if math.isfinite(value)}).table()
 
     def _bench(self) -> Bench:
         if self.rig.vehicle.kind == "sim":
@@ -116,6 +138,8 @@ class Context:
 
     def forget(self) -> None:
         """Close the devices, so that a repeated check reads them anew."""
+        if "bench" in self._kept:
+            self._parameters |= self._kept["bench"].read
         for name in ("bench", "car"):
             if name in self._kept:
                 self._kept[name].close()
@@ -128,28 +152,3 @@ class Context:
         if name not in self._kept:
             self._kept[name] = make()
         return self._kept[name]
-
-
-def subject(rig_name: str, rig: Rig, policy: str, scenario: Scenario) -> dict[str, Any]:
-    """What a record clears: rig and policy with the digests of their content, and the scenario's class.
-
-    Raises ProvenanceError if the policy's file cannot be read.
-    """
-    content = json.dumps(rig.model_dump(mode="json"), sort_keys=True)
-    return {
-        "rig": Path(rig_name).stem,
-        "rig_sha256": hashlib.sha256(content.encode()).hexdigest(),
-        "simulated": rig.simulated,
-        "policy": policy_identity(policy),
-        "scenario": scenario.name,
-        "scenario_class": scenario_class(scenario),
-    }
-
-
-def scenario_class(scenario: Scenario) -> str:
-    """What scenarios have in common if one preflight clears them all: how steep the board is and how fast it goes.
-
-    The published ones fall into their own classes by name (simple, normal, hard); others stand for themselves.
-    """
-    head, _, tail = scenario.name.rpartition("-")
-    return head if head in ("simple", "normal", "hard") and tail in ("i", "ii") else scenario.name

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from hil.assembly.rig import Rig
+from hil.assembly.vehicle import vehicle_signing
 from hil.bench.pace import Pace, Virtual, Wall
 from hil.bench.reading import Unavailable
 from hil.contract.wire import ByteWire, memory_pair
-from hil.host.lockstep import Clock
 from scenarios.draw import Drawn
 from vehicle.px4 import protocol as px4
-from vehicle.px4.codec import MESSAGES, Packer, Parser
+from vehicle.px4.codec import Frame
+from vehicle.px4.driver.arming import Identity
 from vehicle.px4.driver.driver import Px4Link
-from vehicle.px4.driver.params import READ, VALUE, unpack_value
+from vehicle.px4.driver.params import read_value
 from vehicle.px4.driver.types import LinkConfig, LinkOutput, Rates
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor.airframe import Airframe
@@ -23,45 +26,8 @@ _MS = 1_000_000
 _ANSWER_LIMIT_NS = 20_000_000_000
 _RECEIVE_NS = 2_000_000_000
 _HEALTH_LIMIT_NS = 10_000_000_000  # a PX4 that has just booted needs five seconds
+_ASKED, _ANSWER_STEPS = 3, 250  # requests, and steps of two milliseconds to wait for the answer of each
 _START = (0.0, 0.0, 2.5, 0.0)
-
-
-class Tap:
-    """A wire that stores the messages passing through: (our ns, fields) by name; parameters by name."""
-
-    def __init__(self, wire: ByteWire, clock: Clock) -> None:
-        self._wire, self._clock = wire, clock
-        self._parser = Parser()
-        self.received: dict[str, list[tuple[int, Any]]] = {}
-        self.parameters: dict[str, float] = {}
-
-    def send(self, data: bytes, /) -> None:
-        self._wire.send(data)
-
-    def drain(self) -> None:
-        """Discard waiting frames and stored messages."""
-        while self._wire.receive():
-            pass
-        self.received.clear()
-
-    def receive(self) -> list[bytes]:
-        datagrams = self._wire.receive()
-        for data in datagrams:
-            for frame in self._parser.feed(data):
-                if frame.name == "PARAM_VALUE":
-                    self._parameter(frame.payload)
-                else:
-                    self.received.setdefault(frame.name, []).append((self._clock.now_ns, frame.fields))
-        return datagrams
-
-    def close(self) -> None:
-        self._wire.close()
-
-    def _parameter(self, payload: bytes) -> None:
-        four, _, _, raw, kind = VALUE.unpack(payload.ljust(VALUE.size, b"\0"))
-        value = unpack_value(four, kind)
-        if value is not None:
-            self.parameters[raw.split(b"\0", 1)[0].decode("ascii", "replace")] = value
 
 
 @dataclass
@@ -90,14 +56,33 @@ class GroundReport:
 
 
 class Bench:
-    """The driver, which does not arm here, on a tapped wire to a real or a simulated autopilot."""
+    """The driver, which does not arm here, on a wire to a real or a simulated autopilot; what this says is kept.
+
+    `received`: (our ns, fields) by name of the message; `read`: parameters by name, of those that were asked for.
+    """
 
     def __init__(self, pace: Pace, wire: ByteWire, config: LinkConfig, source: str) -> None:
         self.pace, self.clock, self.source = pace, pace.clock, source
-        self.tap = Tap(wire, self.clock)
-        self.target = (config.system, config.component)
-        self.link = Px4Link(self.tap, config)
+        self._wire = wire
+        self.received: dict[str, list[tuple[int, Any]]] = {}
+        self.read: dict[str, float] = {}
+        self._told: dict[str, float] = {}
+        self.link = Px4Link(wire, config, self._listen)
         self.notes: list[str] = []
+
+    def _listen(self, frame: Frame) -> None:
+        if frame.name != "PARAM_VALUE":
+            self.received.setdefault(frame.name, []).append((self.clock.now_ns, frame.fields))
+            return
+        name, value, _ = read_value(frame.payload)
+        if value is not None:
+            self._told[name] = value
+
+    def drain(self) -> None:
+        """Discard waiting frames and stored messages."""
+        while self._wire.receive():
+            pass
+        self.received.clear()
 
     def step(self, command: Rates | None = None) -> LinkOutput:
         """Two milliseconds."""
@@ -106,9 +91,35 @@ class Bench:
         self.notes += [note.text for note in output.notes if note.severity != "info"]
         return output
 
+    def parameter(self, name: str) -> float:
+        """Its value as the autopilot holds it now. Raises KeyError if it does not answer."""
+        self._told.pop(name, None)
+        if not self._answered(lambda: self.link.ask_parameter(name), lambda: name in self._told):
+            raise KeyError(name)
+        self.read[name] = self._told[name]
+        return self.read[name]
+
+    def identity(self) -> Identity:
+        """Which autopilot it is. Raises Unavailable if it does not tell its UID."""
+        self._answered(self.link.ask_identity, lambda: self.link.identity is not None)
+        found = self.link.identity
+        if found is None or not found.uid:
+            raise Unavailable(f"{self.source} does not tell its UID (AUTOPILOT_VERSION)")
+        return found
+
+    def _answered(self, ask: Callable[[], None], answer: Callable[[], bool]) -> bool:
+        """Ask up to three times; whether the answer came."""
+        for _ in range(_ASKED):
+            ask()
+            for _ in range(_ANSWER_STEPS):
+                self.step()
+                if answer():
+                    return True
+        return False
+
     def close(self) -> None:
         """Close the wire."""
-        self.tap.close()
+        self._wire.close()
 
 
 class SimulatedBench(Bench):
@@ -124,16 +135,16 @@ class SimulatedBench(Bench):
 
 
 def live_bench(airframe: Airframe, rig: Rig) -> Bench:
-    """The autopilot at the rig's address. Raises Unavailable if the wire cannot be opened."""
+    """The autopilot at the rig's address. Raises Unavailable if the wire or the signing key cannot be used."""
     from hil.wires import WireError
     from hil.wires.url import open_url
 
     slot = rig.vehicle
-    if slot.signing_key:
-        raise Unavailable("a checklist cannot read an autopilot that requires signed MAVLink")
+    pace = Wall()
     try:
+        signing = vehicle_signing(slot.signing_key, time.time_ns() - pace.clock.now_ns)
         wire = open_url(slot.url, slot.system)
-    except WireError as error:
+    except (WireError, ValueError) as error:
         raise Unavailable(str(error)) from None
     config = LinkConfig(
         start=_START,
@@ -141,9 +152,10 @@ def live_bench(airframe: Airframe, rig: Rig) -> Bench:
         system=slot.system,
         component=slot.component,
         clock_drift=slot.clock_drift,
+        signing=signing,
         arm=False,
     )
-    return Bench(Wall(), wire, config, f"autopilot at {slot.url}")
+    return Bench(pace, wire, config, f"autopilot at {slot.url}")
 
 
 def read_ground(bench: Bench) -> GroundReport:
@@ -152,7 +164,7 @@ def read_ground(bench: Bench) -> GroundReport:
     Raises Unavailable if it gets no answer. The vehicle is not armed.
     """
     began = bench.clock.now_ns
-    bench.tap.drain()
+    bench.drain()
     while bench.link.phase in ("connect", "parameters", "streams"):
         bench.step()
         if bench.link.phase == "failed" or bench.clock.now_ns - began > _ANSWER_LIMIT_NS:
@@ -161,11 +173,11 @@ def read_ground(bench: Bench) -> GroundReport:
     fine = False
     while bench.clock.now_ns - since < (_RECEIVE_NS if fine else _HEALTH_LIMIT_NS):
         bench.step()
-        status = bench.tap.received.get("SYS_STATUS")
+        status = bench.received.get("SYS_STATUS")
         fine = bool(status and status[-1][1].onboard_control_sensors_health & px4.PREARM_CHECK)
     counters = bench.link.counters
     return GroundReport(
-        received=bench.tap.received,
+        received=bench.received,
         parameters=_Parameters(bench),
         until_ns=bench.clock.now_ns,
         listened_ns=bench.clock.now_ns - since,
@@ -181,17 +193,8 @@ class _Parameters(dict[str, float]):
 
     def __init__(self, bench: Bench) -> None:
         super().__init__()
-        self._bench, self._packer = bench, Packer(245, 190)
+        self._bench = bench
 
     def __missing__(self, name: str) -> float:
-        bench = self._bench
-        bench.tap.parameters.pop(name, None)
-        request = READ.pack(-1, *bench.target, name.encode())
-        for _ in range(3):
-            bench.tap.send(self._packer.pack_payload(MESSAGES["PARAM_REQUEST_READ"], request))
-            for _ in range(250):
-                bench.step()
-                if name in bench.tap.parameters:
-                    self[name] = bench.tap.parameters[name]
-                    return self[name]
-        raise KeyError(name)
+        self[name] = value = self._bench.parameter(name)
+        return value

@@ -19,16 +19,18 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.assembly.rig import load_rig
-from hil.bench.devices import Context, subject
+from hil.bench.devices import Context
 from hil.check import records
 from hil.check.catalogue import checks
 from hil.check.checklist import Checklist, load_checklist
 from hil.check.crew_key import load_crew_key
 from hil.check.junit import write_junit
 from hil.check.keyboard import Keyboard
+from hil.check.moment import Moment
 from hil.check.operator_terminal import OperatorTerminal
 from hil.check.records import ABORTED, GO, INCOMPLETE, NO_GO, Record, RecordError, iso, passed
-from hil.check.session import Session, list_subject, new_record
+from hil.check.session import Session, new_record
+from hil.check.subject import difference, list_subject, subject
 from policies.flying.registry import policy_factory
 from policies.flying.shipped import policy_file
 from scenarios.spec import load
@@ -86,16 +88,17 @@ def _run_session(
     operator: str,
     key: Ed25519PrivateKey | None,
 ) -> int:
-    aborted = False
+    aborted, unbound = False, ""
     try:
         session.run()
         code = record.exit_code()
-        sign = request.sign and code == GO
-        if not sign and terminal.interactive and code != INCOMPLETE:
+        unbound = session.bind() if code == GO else ""
+        sign = request.sign and code == GO and not unbound
+        if not sign and not unbound and terminal.interactive and code != INCOMPLETE:
             terminal.summary(record, _verdict(code, record), str(path))
             sign = terminal.sign(record)
         if sign:
-            record.sign(operator, datetime.now(UTC), key)
+            record.sign(operator, Moment.now(), key)
             records.write(path, record)
     except (KeyboardInterrupt, EOFError):
         aborted = True
@@ -104,6 +107,8 @@ def _run_session(
         code = INCOMPLETE
     _outputs(request, record)
     terminal.summary(record, _verdict(code, record), str(path))
+    if unbound:
+        print(f"perch-hil: this go cannot be signed: {unbound}", file=sys.stderr)
     return code
 
 
@@ -143,8 +148,9 @@ def _open_record(request: CheckRequest, checklist: Checklist, about: dict[str, A
         if record.sign_off is not None:
             raise RecordError(f"{request.record}: is already signed; name another file for a new record")
         if record.subject != about:
-            other = ", ".join(k for k in about if record.subject.get(k) != about[k])
-            raise RecordError(f"{request.record}: is for another {other}; name another file for a new record")
+            names = ", ".join(k for k in about if record.subject.get(k) != about[k])
+            other = difference(record.subject, about) or f"another {names}"
+            raise RecordError(f"{request.record}: is for {other}; name another file for a new record")
         _print_resuming(request.record, record)
         return request.record, record
     if request.record is None and not request.fresh and request.folder.is_dir():

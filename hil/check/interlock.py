@@ -1,4 +1,4 @@
-"""The arming interlock: a real device arms only with a fresh, signed-off go for this rig, policy and scenario class.
+"""The arming interlock: a real device arms only with a fresh, signed-off go for exactly this (see `hil.check.subject`).
 
 A rig that names keys of its crew (`crew_keys`) accepts only records that are signed with one of them. Without keys a
 record is sealed by a digest: that shows accidental changes, not forgery."""
@@ -14,16 +14,19 @@ from typing import Any
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 from hil.assembly.rig import Rig
-from hil.bench.devices import subject
 from hil.check import records
+from hil.check.checklist import load_checklist
 from hil.check.crew_key import CrewKeyError, load_public_keys
+from hil.check.moment import Moment
 from hil.check.records import GO, NO_GO, Record
+from hil.check.subject import difference, list_subject, subject
+from kernel.toml_errors import ConfigError
 from scenarios.spec import Scenario
+from vehicle.px4.driver.arming import Arming
 
 FRESH = timedelta(hours=4)
 _SKEW = timedelta(minutes=2)  # between this computer's clock and that of the signing one
 Keys = Mapping[str, Ed25519PublicKey]
-_SAME = ("rig", "rig_sha256", "simulated", "policy", "scenario_class")
 
 
 class NotClearedError(RuntimeError):
@@ -40,6 +43,7 @@ class Clearance:
     operator: str = ""
     signed_utc: str = ""
     key: str = ""  # fingerprint of the crew's key; empty: the record is only sealed
+    autopilot: Mapping[str, Any] = field(default_factory=dict)  # what the go is bound to, see `Arming.table`
     counts: Mapping[str, int] = field(default_factory=dict)
     marginal: tuple[str, ...] = ()
     override_reason: str = ""
@@ -49,6 +53,21 @@ class Clearance:
         """Plain table, without what does not apply."""
         return {name: value for name, value in asdict(self).items() if value not in ("", (), {})}
 
+    @property
+    def arming(self) -> Arming:
+        """What the vehicle's autopilot must be and hold."""
+        return Arming.of(self.autopilot) if self.autopilot else Arming()
+
+    @property
+    def remark(self) -> str:
+        """What the crew should know before it flies; empty if nothing."""
+        if self.kind == "override":
+            return f"armed by override: {self.refused_because}"
+        if not self.override_reason:
+            return ""
+        reason = "a simulated rig needs no go" if self.kind == "simulated" else f"there is a go, {self.record}"
+        return f"--override-check was not needed: {reason}"
+
 
 def clear_to_arm(
     rig_name: str,
@@ -57,28 +76,25 @@ def clear_to_arm(
     scenario: Scenario,
     *,
     folder: Path,
-    now: datetime,
+    now: Moment,
     override: str | None = None,
     fresh: timedelta = FRESH,
 ) -> Clearance:
     """Whether this run may arm. `folder` holds the checklist records; `override`: a reason to arm without a go.
 
     A simulated rig is always cleared. The override's reason goes into the manifest, with the refusal that it overrides.
-    Raises NotClearedError, and ProvenanceError if the policy's file cannot be read.
+    Raises NotClearedError, ConfigError for an override without a reason, and ProvenanceError if the policy's file or
+    the code cannot be read.
     """
-    wanted = subject(rig_name, rig, policy, scenario)
+    reason = check_override(override)
     if rig.simulated:
-        return Clearance("simulated")
+        return Clearance("simulated", override_reason=reason)
     try:
-        path, record = _fresh_go(wanted, rig_name, folder, now, fresh, rig.crew_keys)
+        path, record = _fresh_go(rig_name, rig, policy, scenario, folder, now, fresh)
     except NotClearedError as refusal:
-        if override is None:
+        if not reason:
             raise
-        if len(override.split()) < 2:
-            raise NotClearedError(
-                "an override needs a reason in words, which is kept in the run's manifest; " + str(refusal)
-            ) from None
-        return Clearance("override", override_reason=" ".join(override.split()), refused_because=str(refusal))
+        return Clearance("override", override_reason=reason, refused_because=str(refusal))
     sign = record.sign_off
     assert sign is not None  # of a go
     return Clearance(
@@ -88,23 +104,41 @@ def clear_to_arm(
         operator=sign["operator"],
         signed_utc=sign["utc"],
         key=sign.get("key", ""),
+        autopilot=record.autopilot if _bound(rig) else {},
         counts=record.content()["counts"],
         marginal=tuple(entry.key for entry in record.entries if entry.outcome.value == "MARGINAL"),
+        override_reason=reason,
     )
 
 
+def check_override(override: str | None) -> str:
+    """The reason on one line, empty without an override. Raises ConfigError if it is none."""
+    if override is None:
+        return ""
+    words = override.split()
+    if len(words) < 2:
+        raise ConfigError(
+            f'--override-check "{override}": give the reason in words (two or more), it is kept in the run\'s manifest'
+        )
+    return " ".join(words)
+
+
 def _fresh_go(
-    wanted: dict[str, Any], rig_name: str, folder: Path, now: datetime, fresh: timedelta, key_files: tuple[str, ...]
+    rig_name: str, rig: Rig, policy: str, scenario: Scenario, folder: Path, now: Moment, fresh: timedelta
 ) -> tuple[Path, Record]:
     try:
-        keys = load_public_keys(key_files)
-    except CrewKeyError as error:
+        keys = load_public_keys(rig.crew_keys)
+        checklist = load_checklist(rig.preflight)
+        wanted = list_subject(checklist, subject(rig_name, rig, policy, scenario))
+    except (CrewKeyError, ConfigError, ValueError) as error:
         raise NotClearedError(str(error)) from None
+    if checklist.kind != "preflight":
+        raise NotClearedError(f'rig "{wanted["rig"]}" names {rig.preflight} as its preflight, whose kind is another')
     preflights = records.find(folder, lambda record: record.subject.get("kind") == "preflight")
     reasons: list[str] = []
     mine = 0
     for path, record in preflights:
-        reason = refusal(record, wanted, now, fresh, keys)
+        reason = refusal(record, wanted, now, fresh, keys, bound=_bound(rig))
         if not reason:
             return path, record
         ours = record.subject.get("rig") == wanted["rig"]  # the refusal quotes this rig's record first
@@ -113,17 +147,24 @@ def _fresh_go(
     found = f"there is no preflight record in {folder}" if not reasons else f"record {reasons[0]}"
     raise NotClearedError(
         f'rig "{wanted["rig"]}" has a real device and no go: {found}. '
-        f"Run: perch-hil check preflight --rig {rig_name} --scenario {wanted['scenario']}"
+        f"Run: perch-hil check {rig.preflight} --rig {rig_name} --scenario {wanted['scenario']}"
         f"{_policy_option(wanted['policy'])}{' --key FILE' if keys else ''}"
     )
 
 
 def refusal(
-    record: Record, wanted: Mapping[str, Any], now: datetime, fresh: timedelta = FRESH, keys: Keys | None = None
+    record: Record,
+    wanted: Mapping[str, Any],
+    now: Moment,
+    fresh: timedelta = FRESH,
+    keys: Keys | None = None,
+    *,
+    bound: bool = False,
 ) -> str:
-    """Why `record` does not clear `wanted` (see `hil.bench.devices.subject`) at `now`; empty if it does.
+    """Why `record` does not clear `wanted` (see `hil.check.subject.list_subject`) at `now`; empty if it does.
 
-    keys: the crew's public keys by fingerprint; with any, the record must be signed with one of them.
+    keys: the crew's public keys by fingerprint; with any, the record must be signed with one of them. bound: the
+    vehicle is real, so that the record must say which autopilot it is for.
     """
     sign = record.sign_off
     if sign is None:
@@ -137,11 +178,14 @@ def refusal(
         return "is only sealed: this rig demands the signature of a crew key"
     if record.exit_code() != GO:
         return "is a no-go" if record.exit_code() == NO_GO else "is incomplete: not every item is known"
-    for name in _SAME:
-        if record.subject.get(name) != wanted[name]:
-            return f"is for another {name.removesuffix('_sha256').replace('_', ' ')}{_difference(record, wanted, name)}"
+    other = difference(record.subject, wanted)
+    if other:
+        return f"is for {other}"
+    if bound and not _names_an_autopilot(record):
+        return "does not say which autopilot it is for"
     try:
-        age = now - datetime.fromisoformat(sign["utc"]).astimezone(UTC)
+        signed = datetime.fromisoformat(sign["utc"]).astimezone(UTC)
+        age = timedelta(seconds=now.seconds_since(signed, sign["boot"], sign["uptime_ns"]))
     except (ValueError, OverflowError):
         return f"was signed off at an unreadable time ({sign['utc']})"
     if age < -_SKEW:
@@ -151,13 +195,16 @@ def refusal(
     return ""
 
 
-def _difference(record: Record, wanted: Mapping[str, Any], name: str) -> str:
-    if name == "rig_sha256":
-        return " file: it was changed since"
-    has, needs = record.subject.get(name), wanted[name]
-    if isinstance(has, dict) and isinstance(needs, dict):
-        has, needs = (f"{p.get('name')} {str(p.get('sha256', ''))[:12]}".strip() for p in (has, needs))
-    return f": {has}, not {needs}"
+def _bound(rig: Rig) -> bool:
+    """Whether a go is for one autopilot."""
+    return rig.vehicle.kind != "sim"
+
+
+def _names_an_autopilot(record: Record) -> bool:
+    try:
+        return bool(Arming.of(record.autopilot).identity.uid)
+    except ValueError:
+        return False
 
 
 def _policy_option(policy: Mapping[str, Any]) -> str:

@@ -95,6 +95,15 @@ def clock(context: Context) -> Reading:
     return Reading(ground.round_trip_ns * 0.5e-6, f"offset {ground.clock_offset_ns * 1e-9:.3f} s", ground.source)
 
 
+@check("vehicle.identity")
+def identity(context: Context, *, uid: str = "") -> Reading:
+    """The autopilot's UID: a go is for this one only. `uid` in the list requires a certain one."""
+    found = context.identity()
+    same = not uid or found.uid == uid.lower()
+    detail = f"firmware {found.firmware or 'unknown'}"
+    return Reading(found.uid, detail if same else f"the list requires {uid}", context.ground().source, ok=same)
+
+
 @check("vehicle.parameter")
 def parameter(context: Context, *, name: str) -> Reading:
     """A parameter as the autopilot holds it now, after the driver has set its own."""

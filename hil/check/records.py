@@ -17,8 +17,9 @@ from typing_extensions import TypedDict
 
 from hil.check.crew_key import fingerprint, sign_digest, verifies
 from hil.check.judge import Outcome, Value
+from hil.check.moment import Moment
 
-FORMAT = 1
+FORMAT = 2
 _LARGEST = 16 << 20  # bytes of a record
 GO, NO_GO, ABORTED, INCOMPLETE = 0, 1, 3, 4  # exit codes of `perch-hil check`; 2 is usage, as everywhere
 VERDICTS = {GO: "go", NO_GO: "no-go", INCOMPLETE: "incomplete"}
@@ -64,10 +65,12 @@ class Entry:
 
 
 class SignOff(TypedDict):
-    """Name of the signing operator, time (UTC, ISO 8601), and the digest of the signed content."""
+    """Name of the signing operator, the moment (`Moment`; UTC as ISO 8601), and the digest of the signed content."""
 
     operator: str
     utc: str
+    boot: str
+    uptime_ns: int
     sha256: str
     key: NotRequired[str]  # fingerprint of the crew's key; without one the record is only sealed by its digest
     signature: NotRequired[str]
@@ -75,12 +78,16 @@ class SignOff(TypedDict):
 
 @dataclass
 class Record:
-    """A whole record: what it clears (`subject`), the items, the sessions, and the sign-off."""
+    """A whole record: what it clears (`subject`), the items, the sessions, and the sign-off.
+
+    `autopilot`: the real autopilot that was checked, and the parameters that it held (`Arming.table`); else empty.
+    """
 
     subject: dict[str, Any]
     started_utc: str
     entries: list[Entry]
     sessions: list[dict[str, str]] = field(default_factory=list)
+    autopilot: dict[str, Any] = field(default_factory=dict)
     sign_off: SignOff | None = None
 
     @property
@@ -108,18 +115,22 @@ class Record:
             "counts": {o.value: n for o in Outcome if (n := sum(e.outcome is o for e in self.entries))},
             "entries": [asdict(entry) for entry in self.entries],
             "sessions": self.sessions,
+            "autopilot": self.autopilot,
         }
 
     def as_dict(self) -> dict[str, Any]:
         """The file's content."""
         return {"state": self.state, **self.content(), "sign_off": self.sign_off}
 
-    def sign(self, operator: str, utc: datetime, key: Ed25519PrivateKey | None = None) -> None:
+    def sign(self, operator: str, moment: Moment, key: Ed25519PrivateKey | None = None) -> None:
         """Sign off what is in it now, with the crew's `key` if given. Raises RecordError without a name."""
         if not operator.strip():
             raise RecordError("signing needs an operator's name")
-        digest = _digest(self.content(), operator.strip(), iso(utc))
-        self.sign_off = SignOff(operator=operator.strip(), utc=iso(utc), sha256=digest)
+        sign = SignOff(
+            operator=operator.strip(), utc=iso(moment.utc), boot=moment.boot, uptime_ns=moment.uptime_ns, sha256=""
+        )
+        sign["sha256"] = digest = _digest(self.content(), sign)
+        self.sign_off = sign
         if key is not None:
             self.sign_off["key"] = fingerprint(key.public_key())
             self.sign_off["signature"] = sign_digest(key, digest)
@@ -127,7 +138,7 @@ class Record:
     def genuine(self) -> bool:
         """True if signed off, and nothing in it has changed since: a digest, which needs no key."""
         sign = self.sign_off
-        return sign is not None and sign.get("sha256") == _digest(self.content(), sign["operator"], sign["utc"])
+        return sign is not None and sign["sha256"] == _digest(self.content(), sign)
 
     def signed_by(self, keys: Mapping[str, Ed25519PublicKey]) -> bool:
         """True if unchanged since it was signed with one of `keys` (by fingerprint)."""
@@ -145,6 +156,7 @@ class _File(BaseModel):
     started_utc: str
     entries: list[Entry]
     sessions: list[dict[str, str]]
+    autopilot: dict[str, Any]
     sign_off: SignOff | None
 
 
@@ -199,7 +211,9 @@ def read(path: Path) -> Record:
         raise RecordError(f"{path}: is a record of format {form}, this program reads {FORMAT}")
     try:
         found = _File.model_validate(data)
-        record = Record(found.subject, found.started_utc, found.entries, found.sessions, found.sign_off)
+        record = Record(
+            found.subject, found.started_utc, found.entries, found.sessions, found.autopilot, found.sign_off
+        )
         json.dumps(record.as_dict(), allow_nan=False)
     except (ValueError, RecursionError) as error:
         faults = error.errors(include_url=False) if isinstance(error, ValidationError) else []
@@ -221,6 +235,8 @@ def find(folder: Path, wanted: Callable[[Record], bool]) -> list[tuple[Path, Rec
     return sorted(found, key=lambda pair: pair[1].started_utc, reverse=True)
 
 
-def _digest(content: dict[str, Any], operator: str, utc: str) -> str:
-    text = json.dumps([content, operator, utc], sort_keys=True, separators=(",", ":"), allow_nan=False)
+def _digest(content: dict[str, Any], sign: SignOff) -> str:
+    """Of the content and of who signed it when."""
+    signed = [content, sign["operator"], sign["utc"], sign["boot"], sign["uptime_ns"]]
+    text = json.dumps(signed, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -15,6 +15,7 @@ from hil.check.catalogue import checks
 from hil.check.checklist import Checklist, Item
 from hil.check.judge import Judgement, Outcome, Reading, Value, judge
 from hil.check.records import Entry, Record, iso, passed
+from hil.check.subject import list_subject
 
 
 class Answer(NamedTuple):
@@ -83,6 +84,15 @@ class Session:
             start += len(group.item)
             if not self._group(group.title, places):
                 return
+
+    def bind(self) -> str:
+        """Note in the record of a go which real autopilot it is for; returns why that cannot be told, or nothing."""
+        if self._checklist.kind == "preflight":
+            try:
+                self._record.autopilot = self._context.autopilot()
+            except Unavailable as error:
+                return str(error)
+        return ""
 
     def _group(self, title: str, places: range) -> bool:
         entries = self._record.entries
@@ -194,11 +204,6 @@ def new_record(checklist: Checklist, subject: dict) -> Record:
             )
         )
     return Record(list_subject(checklist, subject), iso(_now()), entries)
-
-
-def list_subject(checklist: Checklist, subject: dict) -> dict:
-    """`subject` with the list's title, kind and digest."""
-    return {**subject, "list": checklist.title, "kind": checklist.kind, "list_sha256": checklist.sha256()}
 
 
 def _now() -> datetime:

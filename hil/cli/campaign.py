@@ -173,7 +173,8 @@ def _table(groups: list[dict[str, Any]]) -> Any:
         table.add_column(column, justify="right", no_wrap=True)
     for row in groups:
         within, attached = rate_text(row["within_tolerance"], row["runs"]), f"{row['attached']} of {row['runs']}"
-        table.add_row(row["scenario"], row["policy"], row["camera"], within, attached)
+        camera = f"{row['camera']} {row['rig']}".strip()
+        table.add_row(row["scenario"], row["policy"], camera, within, attached)
     return table
 
 

@@ -44,7 +44,7 @@ def check(
     Keys: p pass, f fail, s skip (both ask why), m enter a number, b back, q stop here. A group opens when the one
     before it passed. The record is on disk after every item: the same command goes on where it stopped, with the
     automatic items checked again and your answers kept. A rig with a real device arms only with a signed go that is
-    younger than four hours, for this rig, policy and class of scenario.
+    younger than four hours, for exactly this rig, autopilot, policy, scenario (or published class), list and code.
 
     Exit code: 0 go and signed, 1 no-go, 2 usage, 3 aborted, 4 incomplete (not all known, or not signed).
     """

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from hil.scoring.binomial import interval
 from hil.scoring.score import Score
-from hil.scoring.verdict import ATTACHED, MISSED, PERCHED
+from hil.scoring.verdict import ATTACHED, INCOMPLETE, MISSED, PERCHED
 from scenarios.paper import RealRow, SimulatedRow, paper
 from scenarios.spec import Scenario, published_row
 
@@ -49,6 +49,7 @@ def json_row(
         "camera": camera,
         "attached": score.attached,
         "within_tolerance": score.within_tolerance,
+        "verdict": score.verdict,
         "outcome": score.outcome,
         "reasons": list(score.reasons),
         "metrics": score.as_dict()["metrics"],
@@ -81,8 +82,9 @@ def run_table(score: Score, scenario: Scenario, *, real_time_factor: float | Non
         )
     table.add_section()
     theirs = _published_verdict(row)
-    table.add_row("attached", "", _yes(score.attached), theirs[0], "")
-    table.add_row("within tolerance", "", _yes(score.within_tolerance), theirs[1], "")
+    decided = score.verdict != INCOMPLETE
+    table.add_row("attached", "", _yes(score.attached) if decided else "-", theirs[0], "")
+    table.add_row("within tolerance", "", _yes(score.within_tolerance) if decided else "-", theirs[1], "")
     tail = []
     if score.reasons:
         tail.append(f"why: {'; '.join(score.reasons)}")

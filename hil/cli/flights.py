@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.assembly.plan import Plan
-from hil.check.interlock import Clearance, clear_to_arm
+from hil.check.interlock import Clearance, check_override, clear_to_arm
+from hil.check.moment import Moment
 from hil.host.flight import Flight, fly
 from hil.recording import provenance
 from hil.recording.autopilot_parameters import note_parameters
@@ -67,6 +67,7 @@ def plan_of(request: Request, seeds: Sequence[int]) -> Plan:
 
     Raises ConfigError, ContractError or ValueError for what cannot be flown, or not with these options.
     """
+    check_override(request.override)
     plan = Plan(request.scenario, request.rig, request.policy, request.camera)
     if seeds[-1] > MAX_SEED:
         raise ConfigError(f"seed {seeds[-1]} is out of range: use 0 to {MAX_SEED}")
@@ -92,19 +93,27 @@ def fly_seeds(request: Request, plan: Plan, seeds: Sequence[int], listener: List
     written, SupervisorError where a live run cannot be started, ViewerError without a viewer.
     """
     code = provenance.code()
-    clearance = clear_to_arm(
-        request.rig, plan.rig, plan.policy_name, plan.scenario,
-        folder=request.records, now=datetime.now(UTC), override=request.override,
-    )  # fmt: skip
+    clearance = _clear(request, plan)
+    if clearance.remark:
+        listener.remark(clearance.remark)
     with _viewer(request, listener) as viewer:
         for seed in seeds:
             plan.check_unchanged()
+            if seed != seeds[0]:  # a go grows old, and a file may be changed between two flights
+                clearance = _clear(request, plan)
             fly_one = _fly_live if request.live else _fly_lockstep
             flown = fly_one(request, plan, seed, code, clearance, listener, viewer)
             note_parameters(flown.flight.run)
             yield flown
             if flown.flight.interrupted:
                 return
+
+
+def _clear(request: Request, plan: Plan) -> Clearance:
+    return clear_to_arm(
+        request.rig, plan.rig, plan.policy_name, plan.scenario,
+        folder=request.records, now=Moment.now(), override=request.override,
+    )  # fmt: skip
 
 
 def _fly_lockstep(
@@ -145,7 +154,7 @@ def _fly_live(
         live = fly_live(
             plan, names, seed, pictures=request.pictures, out=request.out, code=code, clearance=clearance.manifest(),
             progress=lambda now_ns, stage: listener.progress(seed, now_ns, stage), remote=request.remote,
-            endpoint=endpoint, keys=request.keys,
+            endpoint=endpoint, keys=request.keys, arming=clearance.arming,
         )  # fmt: skip
     return Flown(live.flight, live.summary)
 

@@ -54,6 +54,9 @@ class Node:
         """Consume what is new in `inbox` at the run's time `now_ns`; may not read a clock, touch a file or block."""
         raise NotImplementedError(f"{type(self).__name__} has no step")
 
+    def permit(self, arming: Any) -> None:
+        """What this node drives may be armed, if it is as the table `arming` says; nothing to do for other nodes."""
+
     def abort(self, why: str) -> None:
         """Bring what this node drives to its safe state; nothing to do for a node that drives no device."""
 

@@ -14,6 +14,7 @@ from hil.assembly.rig import Rig
 from hil.assembly.simulation import build, counters
 from hil.contract.graph import check_graph
 from hil.contract.messages import Event, Stage
+from hil.host.failure import why_no_attempt
 from hil.host.lockstep import Clock, Lockstep, Tap
 from hil.host.space import check_space
 from hil.recording.foxglove import FoxgloveView
@@ -21,7 +22,7 @@ from hil.recording.provenance import Code
 from hil.recording.receipts import ReceiptBook, Receipted
 from hil.recording.recorder import Recorder
 from hil.recording.runs import Run, new_run, policy_identity
-from hil.scoring.score import Score, Scorer
+from hil.scoring.score import ABORTED, Score, Scorer
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import draw
 from scenarios.spec import Scenario
@@ -70,12 +71,8 @@ class _Watch:
 
     @property
     def failure(self) -> str:
-        """Why no attempt took place: the director's texts and the last errors; empty if one did."""
-        causes = [error.text for error in self.errors if error.source == "director"]
-        if not causes:
-            return ""
-        details = [error.text for error in self.errors if error.text != causes[-1]]
-        return "; ".join([causes[-1], *details[-2:]])
+        """Why no attempt took place; empty if one did."""
+        return why_no_attempt([(error.source, error.text) for error in self.errors])
 
     def finish(self, now_ns: int) -> None:
         if self._virtual_ns and now_ns > self._virtual_ns:
@@ -137,9 +134,10 @@ def fly(
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
             try:
                 now_ns = host.run(lambda _: watch.stage == "ended")
-                state = "finished"
+                state = "failed" if watch.failure else "finished"
             except KeyboardInterrupt:
                 now_ns, state = clock.now_ns, "interrupted"
+                tap(now_ns, "event", Event(now_ns, "warning", "supervisor", f"{ABORTED}{state}"))
             watch.finish(now_ns)
     finally:
         for node in simulation.nodes:
@@ -147,5 +145,5 @@ def fly(
         score = scorer.result()
         run.write_score(score.as_dict())
         run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall, virtual_s=now_ns * 1e-9)
-    failure = watch.failure if state == "finished" else ""
+    failure = "" if state == "interrupted" else watch.failure
     return Flight(score, run, watch.real_time_factor, failure, counters(simulation.nodes), state == "interrupted")

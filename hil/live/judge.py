@@ -10,11 +10,9 @@ from hil.live.latency import table as latency_table
 from hil.live.load import load_now, load_table
 from hil.recording.reader import ReadError, Recording
 from hil.recording.runs import Run
-from hil.scoring.score import Score, Scorer, score_messages
+from hil.scoring.score import SCORED, Score, score_messages
 
-_SCORED = (
-    "run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent", "policy/action",
-)  # fmt: skip
+_READ = (*SCORED, "policy/action")
 
 
 class Ended:
@@ -30,15 +28,16 @@ class Ended:
 
 
 def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[str, Any]]:
-    """Score and timing from the recording."""
+    """Score and timing from the recording. A run that was interrupted or failed is no verdict on its policy."""
+    aborted = ended.trouble or ("interrupted" if ended.interrupted else "")
     try:
         recording = Recording(run.recording)
-        messages = list(recording.messages([t for t in _SCORED if "/perch/" + t in recording.topics]))
-        score = score_messages(plan.scenario, seed, messages)
+        messages = list(recording.messages([t for t in _READ if "/perch/" + t in recording.topics]))
+        score = score_messages(plan.scenario, seed, messages, aborted)
         latency = latency_table(latencies(messages))
     except ReadError as error:
         ended.trouble = ended.trouble or str(error)
-        score, latency = Scorer(plan.scenario, seed).result(), {"count": 0}
+        score, latency = score_messages(plan.scenario, seed, (), ended.trouble), {"count": 0}
     slot = plan.rig.camera
     table = {
         "ended": {"trouble": ended.trouble, "interrupted": ended.interrupted, "stage": ended.stage},

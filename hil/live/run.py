@@ -29,6 +29,7 @@ from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
 from hil.recording.provenance import Code
 from hil.recording.runs import new_run, policy_identity, write_json
+from vehicle.px4.driver.arming import Arming
 
 _OVERTIME_S = 150.0  # prepare and margin on top of the scenario's lead and time limit
 
@@ -54,12 +55,14 @@ def fly_live(
     remote: tuple[str, ...] = (),
     endpoint: str | None = None,
     clearance: Mapping[str, Any] | None = None,
+    arming: Arming | None = None,
     watch: Callable[[Supervisor], object] = lambda _: None,
 ) -> LiveFlight:
     """Fly one seed in real time. `names`: scenario, rig, policy and camera as the user gave them, for the processes.
 
     Services in `remote` (or the hub) are started elsewhere, and the run waits for them; `keys`, a folder of
-    `perch-hil keys`, closes the bus to all other processes; `watch` is called many times a second during the run. An
+    `perch-hil keys`, closes the bus to all other processes; `arming` is what the go is bound to: a real vehicle that is
+    not so is not armed; `watch` is called many times a second during the run. An
     interruption (Ctrl-C) brings every device to its safe state, closes the recording and is reported in the result.
 
     Raises RunError, ProvenanceError or SupervisorError if the run cannot take place or cannot be kept: such a run does
@@ -93,7 +96,7 @@ def fly_live(
     try:
         with supervisor:
             try:
-                _fly(supervisor, spec, plan, progress, ended, remote, watch)
+                _fly(supervisor, spec, plan, progress, ended, remote, watch, arming)
             finally:
                 supervisor.stop()
                 ended.health = supervisor.health
@@ -101,7 +104,7 @@ def fly_live(
                 killed = [remark for remark in supervisor.remarks if remark.startswith("recorder had to be stopped")]
                 if killed and killed[0].endswith("SIGKILL") and not ended.interrupted:
                     ended.trouble = ended.trouble or f"{killed[0]}: the recording lacks its end"
-        state = "interrupted" if ended.interrupted else "failed" if ended.trouble else "finished"
+        state = "interrupted" if ended.interrupted else "failed" if ended.trouble or ended.failure else "finished"
     finally:
         leaked = remove_orphaned_memory(supervisor.memory)
         score, table = judge(run, plan, seed, ended)
@@ -131,6 +134,7 @@ def _fly(
     ended: Ended,
     remote: tuple[str, ...],
     watch: Callable[[Supervisor], object],
+    arming: Arming | None,
 ) -> None:
     """Start, monitor and end the run; the outcome is noted in `ended`."""
     wanted = list(spec.services(plan.rig))
@@ -151,7 +155,7 @@ def _fly(
             _check_graph(supervisor, wanted)
             ended.before = load_now()
             hub_clock, date = _hub_clock(bus), DateWatch()
-            started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns)
+            started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns, arming=arming)
 
             def publish_event(severity: str, text: str) -> None:
                 now_ns = time.monotonic_ns() - started_ns

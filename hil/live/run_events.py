@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from hil.bus.leaf import Bus, Mailbox
 from hil.contract.messages import Event, Stage
+from hil.host.failure import why_no_attempt
 
 
 class RunEvents:
@@ -35,9 +36,9 @@ class RunEvents:
         `troubled`: the supervisor has ended the run, for a reason of its own.
         """
         if not troubled:
-            causes = [error for error in self.errors if error.startswith("director: ")]
-            if causes or self.stage == "ended":
-                return "; ".join(causes)
+            why = why_no_attempt([(source, text) for source, _, text in (e.partition(": ") for e in self.errors)])
+            if why or self.stage == "ended":
+                return why
         return "; ".join(self.errors[-3:])
 
     def close(self) -> None:

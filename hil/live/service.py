@@ -106,6 +106,8 @@ class LiveService:
             self._mailbox.wait(_IDLE_NS)
             for order in self._take_orders():
                 if order.get("order") == "go":
+                    for node in self._schedule.nodes:
+                        node.permit(order.get("arming"))
                     self._time.begin(int(order["epoch_ns"]))
             if self._time.begun:
                 self._wait_for_start()

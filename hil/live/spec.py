@@ -15,7 +15,7 @@ from hil.assembly.plan import Plan
 from hil.assembly.rig import Rig
 from hil.bus.leaf import Credentials, credentials_in
 from hil.live.wires import Ports
-from hil.recording.provenance import code_digest
+from hil.recording.provenance import code_digests, content_sha256
 from policies.flying.registry import POLICY, PREDICTOR
 from scenarios.draw import Drawn, draw
 
@@ -75,7 +75,7 @@ def run_digests(plan: Plan, seed: int) -> dict[str, str]:
     digests = {name: hashlib.sha256(table.model_dump_json().encode()).hexdigest() for name, table in tables.items()}
     read = plan.make_policy.digests
     policy = {} if POLICY in read else {"policy": plan.policy_name}
-    return {**digests, **policy, **read, "seed": str(seed), "code": code_digest()}
+    return {**digests, **policy, **read, "seed": str(seed), "code": content_sha256(code_digests())}
 
 
 def disagreement(service: str, theirs: Mapping[str, str], ours: Mapping[str, str], *, remote: bool) -> str:

@@ -20,12 +20,15 @@ from pathlib import Path
 from typing import Any
 
 from hil.bus.leaf import CONTROL, HEALTH, Bus, BusError
+from hil.contract.messages import Event
 from hil.contract.topics import TOPICS
 from hil.live.orphaned import mapped_memory
 from hil.live.process import Process
 from hil.live.run_clock import clock_fault
 from hil.live.spec import disagreement
 from hil.safety.topic_liveness import liveness_fault
+from hil.scoring.score import ABORTED
+from vehicle.px4.driver.arming import Arming
 
 READY_LIMIT_S = 600.0  # kernels may have to be compiled
 _BEAT_S = 0.2
@@ -123,14 +126,15 @@ class Supervisor:
             if fault:
                 raise SupervisorError(fault)
 
-    def go(self, delay_s: float = 0.6, ahead_ns: int = 0) -> int:
+    def go(self, delay_s: float = 0.6, ahead_ns: int = 0, arming: Arming | None = None) -> int:
         """Start the run's clock `delay_s` from now, everywhere; returns its zero on the monotonic clock (ns).
 
-        `ahead_ns`: the hub's monotonic clock less ours.
+        `ahead_ns`: the hub's monotonic clock less ours. `arming`: what a real vehicle must be and hold to be armed.
         """
         assert self._bus is not None
         self._started_ns = time.monotonic_ns() + round(delay_s * 1e9)
-        self._order({"order": "go", "epoch_ns": self._started_ns + ahead_ns})
+        arming = arming or Arming()
+        self._order({"order": "go", "epoch_ns": self._started_ns + ahead_ns, "arming": arming.table()})
         return self._started_ns
 
     def beat(self) -> None:
@@ -162,7 +166,10 @@ class Supervisor:
         return [*(name for name in self._processes if name != "hub"), *self._remote]
 
     def abort(self, why: str) -> None:
-        """Order all remaining services to reach their safe state."""
+        """Order all remaining services to reach their safe state. The recording says since when nothing is scored."""
+        if self._bus is not None and self._started_ns:
+            now_ns = time.monotonic_ns() - self._started_ns
+            self._bus.publish(now_ns, "event", Event(now_ns, "warning", "supervisor", ABORTED + why))
         self._order({"order": "abort", "why": why})
 
     def safe(self, service: str) -> bool:

@@ -37,14 +37,14 @@ class Director(Node):
                 self._stage, self._car_start_ns = "lead", now_ns
                 self._attempt_ns = now_ns + self._lead_ns
             elif status and status.phase in _LOST:
-                self._fail(f"the vehicle did not reach its start ({status.phase}): see the last events")
+                self._fail(f"the vehicle did not reach its start ({status.phase})")
             elif now_ns > self._limit_ns:
                 phase = status.phase if status else "unknown"
                 self._fail(f"the vehicle was not hovering at its start after {now_ns / 1e9:.0f} s (phase {phase})")
         if self._stage == "lead":
             status = inbox.latest("vehicle/status")
             if status and status.phase in _LOST:
-                self._fail(f"the vehicle was lost before the attempt ({status.phase}): see the last events")
+                self._fail(f"the vehicle was lost before the attempt ({status.phase})")
             elif now_ns >= self._attempt_ns:
                 self._stage = "attempt"
         if self._stage == "attempt":

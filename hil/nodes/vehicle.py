@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from hil.contract.messages import (
     Action,
     BoardState,
@@ -14,6 +16,7 @@ from hil.contract.messages import (
 )
 from hil.contract.node import Inbox, Node, Out
 from hil.safety.vehicle_gate import VehicleGate
+from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
@@ -55,6 +58,10 @@ class VehicleLink(Node):
         self._phase = ""
         self._published: dict[str, float] = {}
         self._aborted = False
+
+    def permit(self, arming: Any) -> None:
+        """A real vehicle is not armed before. Raises ValueError for a table that is not that of an `Arming`."""
+        self._link.allow_arming(Arming.of(arming))
 
     def abort(self, why: str) -> None:
         """Return control to the autopilot, which lands; on the ground, do not take off."""

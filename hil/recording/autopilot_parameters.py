@@ -13,6 +13,7 @@ from hil.contract.messages import VehicleParameters
 from hil.recording.reader import ReadError, Recording
 from hil.recording.recorder import PREFIX
 from hil.recording.runs import Run, RunError, list_runs
+from vehicle.px4.driver.arming import same_value
 from vehicle.px4.sim.params import DEFAULTS
 
 TOPIC, TABLE = "vehicle/parameters", "autopilot"
@@ -61,7 +62,7 @@ def changes(held: Mapping[str, float], before: Mapping[str, float]) -> list[Chan
     """Parameters of `held` whose value in `before` is another, or missing, and those that are only in `before`."""
     names = sorted({*held, *before})
     found = (Change(name, held.get(name), before.get(name)) for name in names)
-    return [c for c in found if c.value is None or c.other is None or not _same(c.value, c.other)]
+    return [c for c in found if c.value is None or c.other is None or not same_value(c.value, c.other)]
 
 
 def of_run(manifest: Mapping[str, Any]) -> dict[str, float]:
@@ -90,11 +91,6 @@ def last_flight(root: Path, rig: str) -> tuple[Run, dict[str, float]] | None:
 def _tidy(value: float) -> float:
     """Without the digits that a number in single precision does not have; a whole number as one."""
     return int(value) if value == int(value) else float(f"{value:.7g}")
-
-
-def _same(a: float, b: float) -> bool:
-    """Equal as PX4 keeps them: single precision."""
-    return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9)
 
 
 @cache

@@ -16,7 +16,8 @@ from typing import Any
 DISTRIBUTION = "perch-hil"
 ROOT = Path(__file__).resolve().parents[2]
 _CODE = ("kernel", "hil", "vehicle", "groundcar", "policies", "scenarios")  # where an untracked file changes a run
-_RUNS = {".py", ".toml", ".dbc", ".npz"}  # of it, what a run reads; a policy's .onnx has a digest of its own
+_FILES = ("*.py", "*.json", "*.dbc", "scout_mini.toml", "paper.toml")
+"""Of it, what every run reads; what a run names (networks, rigs, scenarios, airframes) has digests of its own."""
 
 
 class ProvenanceError(RuntimeError):
@@ -122,6 +123,26 @@ def machine() -> dict[str, Any]:
     }
 
 
+def code_digests(root: Path = ROOT) -> dict[str, str]:
+    """Package -> digest of its code as it lies under `root`, whatever git knows of it.
+
+    Raises ProvenanceError if a file cannot be read.
+    """
+    return {name: _folder_digest(root / name) for name in _CODE}
+
+
+def content_sha256(content: Any) -> str:
+    """Hex digest of plain tables, lists, texts and numbers."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _folder_digest(folder: Path) -> str:
+    files = sorted(path for pattern in _FILES for path in folder.rglob(pattern))
+    content = {path.relative_to(folder).as_posix(): file_sha256(path) for path in files}
+    return content_sha256(content)[:16]
+
+
 def file_sha256(path: Path) -> str:
     """Hex digest of a file's bytes. Raises ProvenanceError if it cannot be read."""
     try:
@@ -129,15 +150,6 @@ def file_sha256(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise ProvenanceError(f"{path}: cannot be read for its checksum: {error.strerror}") from None
-
-
-def code_digest(root: Path = ROOT) -> str:
-    """sha256 over names and content of the files that a run is made of: equal for a clone and an installed package of
-    the same version, whatever git says. Raises ProvenanceError if one cannot be read."""
-    digest = hashlib.sha256()
-    for path in sorted(path for top in _CODE for path in (root / top).rglob("*") if path.suffix in _RUNS):
-        digest.update(f"{path.relative_to(root).as_posix()} {file_sha256(path)}\n".encode())
-    return digest.hexdigest()
 
 
 def _git(root: Path, *arguments: str) -> bytes:

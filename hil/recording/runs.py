@@ -22,7 +22,7 @@ from typing import Any
 
 from hil.recording import provenance
 from hil.recording.provenance import ProvenanceError
-from policies.flying.shipped import SHIPPED, policy_file
+from policies.flying.shipped import SHIPPED, policy_data, policy_file
 
 MANIFEST, RECORDING, SCORE, PATCH = "manifest.json", "run.mcap", "score.json", "dirty.patch"
 FORMAT = 1
@@ -139,13 +139,16 @@ def new_run(
 
 
 def policy_identity(policy: str) -> dict[str, Any]:
-    """The manifest's `policy` table: its name; a network's sha256; the path of one that the project does not ship.
+    """The manifest's `policy` table: its name; a network's sha256; the path of one that the project does not ship; the
+    sha256 of other data that it flies with.
 
     Raises ProvenanceError if it looks like a file and cannot be read.
     """
     file = policy_file(policy)
     if file is None:
-        return {"name": policy}
+        return {"name": policy} | {
+            f"{part}_sha256": provenance.file_sha256(data) for part, data in policy_data(policy).items()
+        }
     sha256 = provenance.file_sha256(file)
     if policy in SHIPPED:
         return {"name": policy, "sha256": sha256}

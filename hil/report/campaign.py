@@ -70,9 +70,8 @@ def _summary(groups: dict[Group, list[Line]]) -> Markup:
         counts += [sum(bool(line.score[key]) for line in group) for key in ("within_tolerance", "attached")]
         rates = [_rate(count, len(group)) for count in counts]
         medians = [number(_median([line.score["metrics"][key] for line in group]), digits) for key, digits in _MEDIANS]
-        tag = Markup(' <span class="tag">{}</span>').format(
-            about.identity if about.camera == "unknown" else f"{about.identity}, {about.camera}"
-        )
+        told = [about.identity, *(text for text in (about.camera, about.rig) if text not in ("unknown", ""))]
+        tag = Markup(' <span class="tag">{}</span>').format(", ".join(told))
         link = Markup('<a href="#{}">{}</a>').format(about.ident, about.scenario) + tag
         rows.append((link, about.policy, *rates, *medians))
     head = (
@@ -93,7 +92,10 @@ def _rate(successes: int, runs: int) -> Markup:
 
 def _group(about: Group, group: list[Line]) -> dict[str, Any]:
     title = nested(group[0].manifest, "scenario").get("title", about.scenario)
+    if "scenario" in group[0].apart:
+        title = f"{title}, {about.scenario}"
     words = {"sim": "simulated", "real": "real vehicle"}.get(about.identity, about.identity)
+    words += f", {about.rig}" if about.rig else ""
     reasons = Counter(line.verdict + "".join(f"; {WHY.get(r) or r}" for r in line.score["reasons"]) for line in group)
     rows = [(text, count) for text, count in reasons.most_common()]
     return {

@@ -11,7 +11,7 @@ from hil.campaign.lines import Line
 from hil.report.drawing.section import table
 from hil.scoring.comparison import pair, words
 
-Conditions = tuple[str, str, Any]  # scenario, camera, seed
+Conditions = tuple[str, str, Any]  # scenario, camera and rig, seed
 
 
 def outcomes(lines: Sequence[Line]) -> dict[str, dict[Conditions, bool]]:
@@ -20,7 +20,7 @@ def outcomes(lines: Sequence[Line]) -> dict[str, dict[Conditions, bool]]:
     for line in lines:
         about = line.group
         if about.identity == "sim":
-            key = (about.scenario, about.camera, line.manifest.get("seed"))
+            key = (about.scenario, f"{about.camera} {about.rig}", line.manifest.get("seed"))
             found.setdefault(about.policy, {})[key] = bool(line.score["within_tolerance"])
     return found
 

@@ -11,13 +11,14 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from hil.contract.messages import BoardState, Contact, Detection, Sent, Stage
+from hil.contract.messages import BoardState, Contact, Detection, Event, Sent, Stage
 from hil.scoring.verdict import verdict_word
 from policies.task.contact import GROUND, INVALID, REASONS, TIMEOUT, WORKSPACE
 from scenarios.spec import Scenario
 
 _SELDOM = 0.1  # share of pictures that show the board below which a drone that never touches could not know better
-SCORED = ("run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent")
+SCORED = ("run/stage", "referee/contact", "truth/board", "mocap/board", "board/detection", "vehicle/sent", "event")
+ABORTED = "run aborted: "  # begins the event of a supervisor or host from which on nothing is scored
 _NO_CONTACT = {REASONS[i] for i in (GROUND, WORKSPACE, TIMEOUT, INVALID)}
 
 
@@ -55,7 +56,7 @@ class Score:
     seed: int
     attached: bool
     within_tolerance: bool
-    outcome: str  # success, fail, or incomplete if the run ended before the referee decided
+    outcome: str  # success, fail, or incomplete if the run ended or was aborted before the referee decided
     reasons: tuple[str, ...]
     metrics: Metrics
 
@@ -82,14 +83,20 @@ class Scorer:
         # exposure, publication, found, if not, why; from the attempt's start
         self._looks: list[tuple[int, int, bool, str]] = []
         self._sent = self._limited = 0
-        self._tripped = ""
+        self._tripped = self._aborted = ""
+
+    def abort(self, why: str) -> None:
+        """The run does not end by itself: what follows is no verdict on the policy."""
+        self._aborted = self._aborted or why or "unknown"
 
     def __call__(self, now_ns: int, topic: str, message: Any) -> None:
         if topic == "run/stage":
             self._stage(message)
+        elif topic == "event":
+            self._event(message)
         elif topic == "referee/contact":
             self._contact(message)
-        elif self._verdict is not None:
+        elif self._verdict is not None or self._aborted:
             return
         elif topic in ("truth/board", "mocap/board"):
             self._board(topic, message)
@@ -104,11 +111,15 @@ class Scorer:
     def _stage(self, stage: Stage) -> None:
         if stage.name in ("lead", "attempt") and stage.attempt_start_ns:
             self._start_ns = stage.attempt_start_ns
-        if stage.name == "attempt" and self._verdict is None:
+        if stage.name == "attempt" and self._verdict is None and not self._aborted:
             self._last_ns = max(self._last_ns, stage.stamp_ns)
 
+    def _event(self, event: Event) -> None:
+        if event.source == "supervisor" and event.text.startswith(ABORTED):
+            self.abort(event.text.removeprefix(ABORTED))
+
     def _contact(self, contact: Contact) -> None:
-        if self._verdict is None and contact.outcome != "ongoing":
+        if self._verdict is None and contact.outcome != "ongoing" and not self._aborted:
             self._verdict = contact
             self._last_ns = contact.stamp_ns
 
@@ -160,7 +171,9 @@ class Scorer:
             commands_limited=self._limited,
         )
         reasons = [contact.reason] if contact and contact.reason else []
-        if contact is None:
+        if self._aborted:
+            reasons.append(f"aborted: {self._aborted}")
+        elif contact is None:
             reasons.append("the run ended before the referee decided")
         if self._tripped:
             reasons.append(f"gate: {self._tripped}")
@@ -172,17 +185,22 @@ class Scorer:
             seed=self._seed,
             attached=contact is not None and contact.attached,
             within_tolerance=contact is not None and contact.within_tolerance,
-            outcome=contact.outcome if contact else "incomplete",
+            outcome=contact.outcome if contact and not self._aborted else "incomplete",
             reasons=tuple(reasons),
             metrics=metrics,
         )
 
 
-def score_messages(scenario: Scenario, seed: int, messages: Any) -> Score:
-    """The score of a recording: `messages` as `hil.recording.reader.Recording.messages` gives them."""
+def score_messages(scenario: Scenario, seed: int, messages: Any, aborted: str = "") -> Score:
+    """The score of a recording: `messages` as `hil.recording.reader.Recording.messages` gives them.
+
+    `aborted`: why the run did not end by itself, if it did not and the recording may lack the event that says so.
+    """
     scorer = Scorer(scenario, seed)
     for log_ns, topic, message in messages:
         scorer(log_ns, topic, message)
+    if aborted:
+        scorer.abort(aborted)
     return scorer.result()
 
 

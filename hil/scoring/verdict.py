@@ -7,14 +7,14 @@ ATTACHED = "attached, outside tolerance"
 MISSED = "missed"
 INCOMPLETE = "incomplete"
 
-_CUT_SHORT = ("interrupted", "failed")  # states of a manifest whose attempt says nothing about the policy
+FINISHED = "finished"  # the state of a manifest whose attempt says something about the policy
 
 
-def verdict_word(*, attached: bool, within_tolerance: bool, outcome: str, state: str = "finished") -> str:
+def verdict_word(*, attached: bool, within_tolerance: bool, outcome: str, state: str = FINISHED) -> str:
     """`perched`: attached and within tolerance. `missed`: not attached, also where the contact was within tolerance
     (the paper's rule bounds neither the impact speed nor the magnet's reach). `incomplete`: nothing was decided, or
     the run did not end by itself (`state` of its manifest)."""
-    if outcome == INCOMPLETE or state in _CUT_SHORT:
+    if outcome == INCOMPLETE or state != FINISHED:
         return INCOMPLETE
     if attached:
         return PERCHED if within_tolerance else ATTACHED

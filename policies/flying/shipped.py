@@ -10,6 +10,11 @@ FLYABLE = ("vision", *PLANNERS)  # what knows of the board by a camera, as every
 CHECKPOINTS = Path(__file__).parents[1] / "checkpoints"
 
 
+def policy_data(policy: str) -> dict[str, Path]:
+    """What flies beside the code and `policy_file`: name of its part -> file."""
+    return {"predictor": _FOLDER / "predictor.npz"} if policy == "planner" else {}
+
+
 def policy_file(policy: str) -> Path | None:
     """The file behind `policy`, a shipped network's name or a path; None if it has none, as the planners."""
     if policy in SHIPPED:

@@ -178,15 +178,19 @@ def load(path: Path | str) -> Recorded:
     if not topics:
         raise RunError(f"{path}: holds no message that can be read{_because(recording)}")
     name = folder.resolve().name if manifest else path.name
-    rescored = _rescored(scenario, int(manifest.get("seed") or 0), topics) if scenario else None
+    ended = nested(live, "ended")
+    aborted = str(ended.get("trouble") or ("interrupted" if ended.get("interrupted") else ""))
+    rescored = _rescored(scenario, int(manifest.get("seed") or 0), topics, aborted) if scenario else None
     return Recorded(path, name, recording, manifest, score, scenario, topics, rescored, live, notes)
 
 
-def _rescored(scenario: Scenario, seed: int, topics: dict[str, Columns]) -> Score:
+def _rescored(scenario: Scenario, seed: int, topics: dict[str, Columns], aborted: str) -> Score:
     scorer = Scorer(scenario, seed)
     lanes = [_lane(topic, topics[topic]) for topic in SCORED if topic in topics]
     for log_ns, topic, message in heapq.merge(*lanes, key=lambda entry: entry[0]):
         scorer(log_ns, topic, message)
+    if aborted:
+        scorer.abort(aborted)
     return scorer.result()
 
 

@@ -9,10 +9,12 @@ from typing import Any
 from kernel.rotations import rotate, swap_attitude, swap_body, swap_world
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import MESSAGES, Frame
+from vehicle.px4.driver.arming import Identity, identity_of
 from vehicle.px4.driver.clocks import ClockOffset, LinkTime
 from vehicle.px4.driver.params import ParameterCheck
+from vehicle.px4.driver.resets import Reset, reset_between
 from vehicle.px4.driver.texts import Texts
-from vehicle.px4.driver.types import LinkConfig, Note, Odometry
+from vehicle.px4.driver.types import LinkConfig, Odometry
 
 _SECOND = 1_000_000_000
 _ACK_BEFORE_HEARTBEAT_NS = 500_000_000  # a HEARTBEAT may carry the state from before an ACK for that long
@@ -38,14 +40,15 @@ class Autopilot:
         self.battery_v = 0.0
         self.odometry: Odometry | None = None
         self.fresh: list[Odometry] = []
-        self.notes: list[Note] = []
+        self.resets: list[Reset | None] = []  # of the estimate, while armed, since the step's begin
+        self.identity: Identity | None = None  # as last told
         self.thrusts: list[float] = []  # of ATTITUDE_TARGET, since last cleared
         self.acks: dict[int, tuple[int, int]] = {}  # command: (result, how many so far)
         self.foreign = self.bad_odometry = 0
         self.other_senders: set[tuple[int, int]] = set()
         self.rebooted = False
         self._armed_by_ack_ns = -_SECOND
-        self._resets: int | None = None
+        self._reset_counter: int | None = None
         handlers: dict[str, Callable[[Any, int], None]] = {
             "HEARTBEAT": self._heartbeat,
             "CURRENT_MODE": self._current_mode,
@@ -56,27 +59,28 @@ class Autopilot:
             "COMMAND_ACK": self._command_ack,
             "STATUSTEXT": self.texts.receive,
             "ODOMETRY": self._odometry,
+            "AUTOPILOT_VERSION": self._version,
         }
         self._handlers = {MESSAGES[name].id: handler for name, handler in handlers.items()}
         self._param_value = MESSAGES["PARAM_VALUE"].id
 
     def begin(self) -> None:
         """A new step: clear what was new in the last one."""
-        self.fresh, self.notes, self.rebooted = [], [], False
+        self.fresh, self.resets, self.rebooted = [], [], False
 
-    def frame(self, frame: Frame, now_ns: int) -> None:
-        """One frame from the wire."""
+    def frame(self, frame: Frame, now_ns: int) -> bool:
+        """One frame from the wire; False if it is of another sender."""
         if frame.system != self._config.system or frame.component != self._config.component:
             self.foreign += 1
             if len(self.other_senders) < 16:
                 self.other_senders.add((frame.system, frame.component))
-            return
+            return False
+        handler = self._handlers.get(frame.id)
         if frame.id == self._param_value:
             self.parameters.receive(frame.payload)
-            return
-        handler = self._handlers.get(frame.id)
-        if handler is not None:
+        elif handler is not None:
             handler(frame.fields, now_ns)
+        return True
 
     def connected(self, now_ns: int) -> bool:
         """True while HEARTBEATs come."""
@@ -117,7 +121,7 @@ class Autopilot:
     def _stamp(self, px4_ns: int) -> None:
         if self.time.receive(px4_ns):
             self.clock.forget()
-            self.odometry = None
+            self.odometry = self.identity = None
             self.rebooted = True
 
     def _attitude_target(self, f: Any, now_ns: int) -> None:
@@ -131,6 +135,9 @@ class Autopilot:
         """The ACK of an arm or disarm command is PX4's own result, up to a second before the HEARTBEAT shows it."""
         self.armed, self._armed_by_ack_ns = armed, now_ns
 
+    def _version(self, f: Any, now_ns: int) -> None:
+        self.identity = identity_of(f)
+
     def _odometry(self, f: Any, now_ns: int) -> None:
         px4_ns = f.time_usec * 1000
         self._stamp(px4_ns)
@@ -143,9 +150,6 @@ class Autopilot:
         if not usable or (self.odometry is not None and stamp <= self.odometry.stamp_ns):
             self.bad_odometry += 1
             return
-        if self.armed and f.reset_counter != self._resets is not None:
-            self.notes.append(Note("warning", "the autopilot's estimate has jumped (reset counter)"))
-        self._resets = f.reset_counter
         attitude = swap_attitude(f.q)
         velocity = swap_world(f.vx, f.vy, f.vz)  # PX4 gives LOCAL_NED as its frame
         if f.child_frame_id == px4.FRAME_BODY_FRD:
@@ -153,5 +157,8 @@ class Autopilot:
         ox, oy, oz = self._config.origin
         x, y, z = swap_world(f.x, f.y, f.z)
         turning = swap_body(f.rollspeed, f.pitchspeed, f.yawspeed)
-        self.odometry = Odometry(stamp, (x + ox, y + oy, z + oz), velocity, attitude, turning)
+        before, self.odometry = self.odometry, Odometry(stamp, (x + ox, y + oy, z + oz), velocity, attitude, turning)
         self.fresh.append(self.odometry)
+        if self.armed and f.reset_counter != self._reset_counter is not None:
+            self.resets.append(None if before is None else reset_between(before, self.odometry))
+        self._reset_counter = f.reset_counter

@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from vehicle.px4 import protocol as px4
-from vehicle.px4.codec import Parser
+from vehicle.px4.codec import Frame, Parser
+from vehicle.px4.driver.arming import Identity
 from vehicle.px4.driver.autopilot import Autopilot
+from vehicle.px4.driver.params import READ
+from vehicle.px4.driver.resets import note_of
 from vehicle.px4.driver.send import ByteWire, Sender
 from vehicle.px4.driver.signing import is_signed
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Note
 
 SECOND = 1_000_000_000
 _SYNC_NS = 102_000_000  # no multiple of a simulator's tick, so that some requests have a short round trip
-BEFORE_FLIGHT = ("connect", "parameters", "streams", "ready")
+BEFORE_FLIGHT = ("connect", "parameters", "streams", "ready", "verify")
+_HOVERING = ("hover", "handed_over")
+_AUTOPILOT_VERSION = 148
 
 
 class LinkCore:
     """Base of `Px4Link`. `_t` is link time (see `LinkTime`); the clock given to `step` sets sending rates."""
 
-    def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
-        self._wire, self._config = wire, config
+    def __init__(self, wire: ByteWire, config: LinkConfig, listen: Callable[[Frame], None] | None = None) -> None:
+        """`listen` is called with each frame that is accepted as the autopilot's."""
+        self._wire, self._config, self._listen = wire, config, listen
         self._parser = Parser()
         self._send = Sender(wire, config)
         self._autopilot = Autopilot(config, self._send.timesync_answer)
@@ -52,6 +59,20 @@ class LinkCore:
         return dict(self._autopilot.parameters.values)
 
     @property
+    def identity(self) -> Identity | None:
+        """Which autopilot it is, as last told; None while it has not answered `ask_identity`."""
+        return self._autopilot.identity
+
+    def ask_identity(self) -> None:
+        """Request AUTOPILOT_VERSION once."""
+        self._send.command(px4.Command.REQUEST_MESSAGE, float(_AUTOPILOT_VERSION))
+
+    def ask_parameter(self, name: str) -> None:
+        """Request the value of one parameter once."""
+        payload = READ.pack(-1, self._config.system, self._config.component, name.encode())
+        self._send.payload("PARAM_REQUEST_READ", payload)
+
+    @property
     def counters(self) -> dict[str, int]:
         """Counts of rejected input, and the clock offset."""
         clock, signer = self._autopilot.clock, self._send.signer
@@ -74,8 +95,9 @@ class LinkCore:
         autopilot.begin()
         for data in self._wire.receive():
             for frame in self._parser.feed(data):
-                if signer is None or signer.accepts(frame, now_ns):
-                    autopilot.frame(frame, now_ns)
+                accepted = signer is None or signer.accepts(frame, now_ns)
+                if accepted and autopilot.frame(frame, now_ns) and self._listen is not None:
+                    self._listen(frame)
                 if signer is None and is_signed(frame) and not self._reported_signed:
                     self._reported_signed = True
                     self._note(
@@ -86,6 +108,7 @@ class LinkCore:
         autopilot.time.advance(now_ns)
         self._t = autopilot.time.ns
         self._odometry_count += len(autopilot.fresh)
+        self._notes += [note_of(reset, hovering=self.phase in _HOVERING) for reset in autopilot.resets]
         if autopilot.rebooted:
             self._note("error", "the autopilot has rebooted")
             if self.phase in BEFORE_FLIGHT:
@@ -174,6 +197,6 @@ class LinkCore:
             battery_v=autopilot.battery_v,
             hover_thrust=hover_thrust,
             odometry=autopilot.fresh,
-            notes=[*autopilot.texts.take(), *autopilot.notes, *self._notes],
+            notes=[*autopilot.texts.take(), *self._notes],
             sent_thrust=sent,
         )

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 
 from vehicle.px4 import protocol as px4
+from vehicle.px4.codec import Frame
 from vehicle.px4.driver.core import BEFORE_FLIGHT, SECOND
 from vehicle.px4.driver.goto import Approach, HoverThrust
 from vehicle.px4.driver.prepare import ARM, SETPOINT_NS, GroundPhases
@@ -27,8 +28,8 @@ _IN_FLIGHT = ("takeoff", "goto", "hover", "handed_over", "interrupted", "hold")
 class Px4Link(GroundPhases):
     """One autopilot on one wire."""
 
-    def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
-        super().__init__(wire, config)
+    def __init__(self, wire: ByteWire, config: LinkConfig, listen: Callable[[Frame], None] | None = None) -> None:
+        super().__init__(wire, config, listen)
         self._approach = Approach(config)
         self._learned = HoverThrust(config.hover_thrust, config.hover_thrust_tolerance)
         self.hover_thrust = config.hover_thrust  # the normalised thrust that is sent for one g

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from vehicle.px4.driver.types import LinkConfig, Note
 
@@ -30,6 +30,12 @@ def unpack_value(four: bytes, kind: int) -> float | None:
     if kind == INT32:
         return struct.unpack("<i", four)[0]
     return struct.unpack("<f", four)[0] if kind == REAL32 else None
+
+
+def read_value(payload: bytes) -> tuple[str, float | None, int]:
+    """(name, value, type) in a PARAM_VALUE's payload; the value is None for a type that PX4 does not use."""
+    four, _, _, raw, kind = VALUE.unpack(payload.ljust(VALUE.size, b"\0"))
+    return raw.split(b"\0", 1)[0].decode("ascii", "replace"), unpack_value(four, kind), kind
 
 
 def judge(values: Mapping[str, float], config: LinkConfig) -> list[str]:
@@ -98,11 +104,19 @@ class ParameterCheck:
         self._kinds: dict[str, int] = {}
         self._unknown: list[str] = []
         self._before: dict[str, float] = {}
+        self._stale: set[str] = set()
+
+    def read_again(self, names: Iterable[str]) -> None:
+        """Ask for these anew, whatever was answered before."""
+        self._stale = set(names)
+        self._names += sorted(self._stale.difference(self._names))
+        self._unknown = [name for name in self._unknown if name not in self._stale]
 
     @property
     def unread(self) -> list[str]:
-        """Names not answered yet."""
-        return [name for name in self._names if name not in self.values and name not in self._unknown]
+        """Names not answered yet, or to be read again."""
+        owed = (name for name in self._names if name not in self.values or name in self._stale)
+        return [name for name in owed if name not in self._unknown]
 
     @property
     def unset(self) -> list[str]:
@@ -129,10 +143,9 @@ class ParameterCheck:
 
     def receive(self, payload: bytes) -> None:
         """A PARAM_VALUE's payload."""
-        four, _, _, raw, kind = VALUE.unpack(payload.ljust(VALUE.size, b"\0"))
-        name = raw.split(b"\0", 1)[0].decode("ascii", "replace")
-        value = unpack_value(four, kind)
+        name, value, kind = read_value(payload)
         if value is not None and name in self._names:
+            self._stale.discard(name)
             self._before.setdefault(name, value)
             self.values[name], self._kinds[name] = value, kind
 

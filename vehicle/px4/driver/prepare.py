@@ -1,9 +1,13 @@
-"""The PX4 driver's phases on the ground: connect, parameters, streams, ready, arm."""
+"""The PX4 driver's phases on the ground: connect, parameters, streams, ready, verify, arm."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from kernel.rotations import yaw
 from vehicle.px4 import protocol as px4
+from vehicle.px4.codec import Frame
+from vehicle.px4.driver.arming import Arming, Identity
 from vehicle.px4.driver.core import SECOND, LinkCore
 from vehicle.px4.driver.send import ByteWire
 from vehicle.px4.driver.types import LinkConfig
@@ -16,18 +20,23 @@ _INTERVAL = int(px4.Command.SET_MESSAGE_INTERVAL)
 class GroundPhases(LinkCore):
     """Each `_step_` does the work of its phase and enters the next one."""
 
-    def __init__(self, wire: ByteWire, config: LinkConfig) -> None:
-        super().__init__(wire, config)
+    def __init__(self, wire: ByteWire, config: LinkConfig, listen: Callable[[Frame], None] | None = None) -> None:
+        super().__init__(wire, config, listen)
         self._streams: list[tuple[int, float]] = []
         self._reading = True
-        self._may_arm = config.arm
+        self._arming: Arming | None = None  # what has to be verified before it arms
         self._ground_z = 0.0
         self._setpoint_ns = -SECOND
         self._ours = False  # this driver armed it and may land it
 
-    def allow_arming(self) -> None:
-        """Call it once where the configuration has `arm = False`: the driver then arms and takes off when ready."""
-        self._may_arm = True
+    def allow_arming(self, arming: Arming) -> None:
+        """Where the configuration has `arm = False`, the driver arms and takes off only after this call.
+
+        It asks the autopilot anew, just before, which one it is and what it holds, and arms only what `arming`
+        describes. No effect where the driver arms by itself.
+        """
+        if not self._config.arm:
+            self._arming = arming
 
     def _step_connect(self, now_ns: int) -> None:
         autopilot = self._autopilot
@@ -80,7 +89,11 @@ class GroundPhases(LinkCore):
             self._stream_here(now_ns)
         if autopilot.prearm and autopilot.odometry is not None and autopilot.mode == mode:
             self._since = self._t  # it is ready; arming may be allowed at any time
-            if self._may_arm:
+            if self._arming is not None:
+                autopilot.identity = None
+                autopilot.parameters.read_again(self._arming.parameters)
+                self._enter("verify")
+            elif self._config.arm:
                 self._enter("arm")
         elif self._elapsed(self._config.prearm_limit):
             what = "its pre-arm checks did not pass" if not autopilot.prearm else "no usable ODOMETRY came"
@@ -88,6 +101,27 @@ class GroundPhases(LinkCore):
         elif autopilot.mode != mode and self._late():
             self._asked = self._t  # after a landing PX4 falls back to OFFBOARD, where its checks fail without a stream
             self._send.mode(mode)
+
+    def _step_verify(self, now_ns: int) -> None:
+        autopilot, arming = self._autopilot, self._arming or Arming()
+        check = autopilot.parameters
+        if self._config.external_vision:
+            self._stream_here(now_ns)
+        complete = autopilot.identity is not None and not check.unread
+        if complete or (self._tries >= self._config.tries and self._late()):
+            identity = autopilot.identity or Identity()
+            held = {name: value for name, value in check.values.items() if name not in check.unread}
+            faults = arming.faults(identity, held)
+            if faults:
+                self._fail(f"not armed, this is not as it was checked: {'; '.join(faults)}")
+            else:
+                self._note("info", f"autopilot {identity.text}")
+                self._enter("arm")
+        elif self._ask(""):
+            if autopilot.identity is None:
+                self.ask_identity()
+            for name in check.unread:
+                self.ask_parameter(name)
 
     def _step_arm(self, now_ns: int) -> None:
         autopilot = self._autopilot

@@ -134,8 +134,8 @@ class LinkConfig:
 class LinkOutput:
     """What one step of the driver found.
 
-    `phase`: connect, parameters, streams, ready, arm, takeoff, goto, hover (waits for the first command), handed_over,
-    interrupted (control was lost and is not resumed), hold, released (landing), killed, failed.
+    `phase`: connect, parameters, streams, ready, verify, arm, takeoff, goto, hover (waits for the first command),
+    handed_over, interrupted (control was lost and is not resumed), hold, released (landing), killed, failed.
     """
 
     phase: str

@@ -14,7 +14,9 @@ from hil.bench.reading import Unavailable
 from hil.check.catalogue import checks
 from hil.wires.can import open_can
 from hil.wires.udp import UdpWire
+from tests.contract.signed_wire import SignedWire
 from tests.unit.hil.check.made_up import context as make_context
+from vehicle.px4.codec import Packer
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor.airframe import load_airframe
 
@@ -116,3 +118,50 @@ def test_absent_camera_or_motion_capture_is_unknown_with_the_reason(tmp_path):
     context = with_rig(tmp_path, camera={"kind": "v4l2", "device": "/dev/video77"})
     with pytest.raises(Unavailable, match="there is no camera /dev/video77"):
         read(context, "camera.mode")
+
+
+def test_signed_autopilot_is_read_with_the_rigs_key_and_forged_frames_are_not(tmp_path):
+    port, key = free_port(), tmp_path / "vehicle.key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    wire = UdpWire(("127.0.0.1", 0), ("127.0.0.1", port), partner="fixed")
+    judge = SignedWire(wire, key.read_bytes(), (time.time_ns() - 1_420_070_400_000_000_000) // 10_000)
+    sim = Px4Sim({"api": judge}, load_airframe("paper_quad"))
+    slot = {"kind": "mavlink", "url": f"udp://:{port}", "clock_drift": 0.03, "signing_key": str(key)}
+    context = with_rig(tmp_path, vehicle=slot)
+    forged = Packer(1, 1).send_name("HEARTBEAT", 2, 3, 0x80, 0, 4, 3)  # another autopilot, armed
+    with real_time(Forger(sim, wire, forged), judge):
+        try:
+            assert read(context, "vehicle.prearm").ok
+            assert read(context, "vehicle.disarmed").ok
+            assert read(context, "vehicle.heartbeat").ok is None
+            assert read(context, "vehicle.parameter", name="COM_OF_LOSS_T").value == pytest.approx(0.3)
+            assert context.autopilot()["uid"] == read(context, "vehicle.identity").value
+            assert judge.accepted and not judge.refused
+            key.write_bytes(bytes(range(1, 33)))
+            context.forget()
+            with pytest.raises(Unavailable, match="no working link"):
+                read(context, "vehicle.heartbeat")
+        finally:
+            context.forget()
+
+
+class Forger:
+    """Steps a device, and sends an unsigned frame beside what it sends."""
+
+    def __init__(self, device, wire, frame):
+        self._device, self._wire, self._frame = device, wire, frame
+
+    def step(self, now_ns):
+        self._device.step(now_ns)
+        self._wire.send(self._frame)
+
+
+@pytest.mark.parametrize(("content", "mode", "told"), [(b"short", 0o600, "32 bytes"), (b"k" * 32, 0o644, "chmod 600")])
+def test_unusable_signing_key_is_unknown_with_the_reason(tmp_path, content, mode, told):
+    key = tmp_path / "vehicle.key"
+    key.write_bytes(content)
+    key.chmod(mode)
+    slot = {"kind": "mavlink", "url": f"udp://:{free_port()}", "signing_key": str(key)}
+    with pytest.raises(Unavailable, match=told):
+        read(with_rig(tmp_path, vehicle=slot), "vehicle.heartbeat")

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from hil.assembly.rig import load_rig
-from hil.bench.devices import Context, subject
+from hil.bench.devices import Context
 from hil.check import registry
 from hil.check.checklist import Checklist
 from hil.check.judge import Outcome, Reading
 from hil.check.records import Record
 from hil.check.session import Answer, Session, new_record
+from hil.check.subject import subject
 from scenarios.spec import load
 
 PASS = Answer(Outcome.PASS)

@@ -1,27 +1,20 @@
 """Records signed with a key of the crew: only these clear a rig that names its crew's keys."""
 
 import json
-from datetime import UTC, datetime
 
 import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_private_key
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from hil.assembly.rig import load_rig
-from hil.bench.devices import subject
 from hil.check import records
-from hil.check.checklist import Checklist
 from hil.check.command import run_checklist
 from hil.check.crew_key import CrewKeyError, fingerprint, load_crew_key, load_public_keys
-from hil.check.interlock import NotClearedError, clear_to_arm
+from hil.check.interlock import NotClearedError
 from hil.check.judge import Outcome
-from hil.check.session import new_record
-from scenarios.spec import load
+from tests.unit.hil.check.cleared import Site, real_car
 from tests.unit.hil.check.console import check_request
 
-NOW = datetime(2026, 1, 2, 12, 0, 0, tzinfo=UTC)
-SIM = load_rig("sim")
 PEM, NO_PHRASE = serialization.Encoding.PEM, serialization.NoEncryption()
 
 
@@ -44,65 +37,51 @@ def crew(tmp_path):
 
 
 @pytest.fixture
-def rig(tmp_path, crew):
-    car = SIM.groundcar.model_copy(update={"kind": "can"})
-    return SIM.model_copy(update={"groundcar": car, "crew_keys": (public_file(tmp_path, crew),)})
+def site(tmp_path, crew):
+    made = Site(tmp_path)
+    made.rig = real_car(preflight=made.rig.preflight, crew_keys=(public_file(tmp_path, crew),))
+    return made
 
 
-def write(folder, rig, key, outcome=Outcome.PASS):
-    made = Checklist.model_validate(
-        {"title": "one", "kind": "preflight", "group": [{"title": "g", "item": [{"ask": "Well?"}]}]}
-    )
-    record = new_record(made, subject("bench", rig, "planner", load("hard-i")))
-    record.entries[0].outcome = outcome
-    record.sign("Ann", NOW, key)
-    path = folder / "checks" / "one.json"
-    records.write(path, record)
-    return path
-
-
-def clear(folder, rig):
-    return clear_to_arm("bench", rig, "planner", load("hard-i"), folder=folder / "checks", now=NOW)
-
-
-def test_go_signed_with_the_crews_key_clears_and_the_key_is_in_the_manifest(tmp_path, rig, crew):
-    path = write(tmp_path, rig, load_crew_key(private_file(tmp_path, crew)))
+def test_go_signed_with_the_crews_key_clears_and_the_key_is_in_the_manifest(tmp_path, site, crew):
+    path = site.go(key=load_crew_key(private_file(tmp_path, crew)))
     assert records.read(path).state == "signed"
-    assert clear(tmp_path, rig).manifest()["key"] == fingerprint(crew.public_key())
+    assert site.clear().manifest()["key"] == fingerprint(crew.public_key())
 
 
-def test_no_go_turned_into_a_go_and_hashed_anew_does_not_clear(tmp_path, rig, crew):
-    path = write(tmp_path, rig, crew, Outcome.FAIL)
+def test_no_go_turned_into_a_go_and_hashed_anew_does_not_clear(site, crew):
+    path = site.go(Outcome.FAIL, key=crew)
     record = records.read(path)
     record.entries[0].outcome = Outcome.PASS
     sign = record.sign_off
-    sign["sha256"] = records._digest(record.content(), sign["operator"], sign["utc"])
+    assert sign is not None
+    sign["sha256"] = records._digest(record.content(), sign)
     records.write(path, record)
     assert records.read(path).genuine()
     with pytest.raises(NotClearedError, match="is not signed by its key"):
-        clear(tmp_path, rig)
+        site.clear()
 
 
-def test_sealed_record_does_not_clear_a_rig_with_crew_keys(tmp_path, rig):
-    write(tmp_path, rig, None)
+def test_sealed_record_does_not_clear_a_rig_with_crew_keys(site):
+    site.go()
     with pytest.raises(NotClearedError, match=r"is only sealed.*--key FILE"):
-        clear(tmp_path, rig)
+        site.clear()
 
 
-def test_record_signed_with_another_key_does_not_clear(tmp_path, rig):
-    write(tmp_path, rig, Ed25519PrivateKey.generate())
+def test_record_signed_with_another_key_does_not_clear(site):
+    site.go(key=Ed25519PrivateKey.generate())
     with pytest.raises(NotClearedError, match="not by a key of this rig's crew"):
-        clear(tmp_path, rig)
+        site.clear()
 
 
 @pytest.mark.parametrize("change", [{"signature": "zz"}, {"signature": ""}, {"utc": "2026-01-02T12:00:01Z"}], ids=str)
-def test_changed_sign_off_does_not_clear(tmp_path, rig, crew, change):
-    path = write(tmp_path, rig, crew)
+def test_changed_sign_off_does_not_clear(site, crew, change):
+    path = site.go(key=crew)
     table = json.loads(path.read_text())
     table["sign_off"] |= change
     path.write_text(json.dumps(table))
     with pytest.raises(NotClearedError):
-        clear(tmp_path, rig)
+        site.clear()
 
 
 @pytest.mark.parametrize("mode", [0o666, 0o644, 0o620])
@@ -123,10 +102,10 @@ def test_error_names_an_invalid_key_file(tmp_path, crew):
         load_public_keys((str(tmp_path / "nowhere"),))
 
 
-def test_missing_public_key_is_a_refusal(tmp_path, rig, crew):
-    write(tmp_path, rig, crew)
+def test_missing_public_key_is_a_refusal(tmp_path, site, crew):
+    site.go(key=crew)
     with pytest.raises(NotClearedError, match="nowhere: the key cannot be read"):
-        clear(tmp_path, rig.model_copy(update={"crew_keys": (str(tmp_path / "nowhere"),)}))
+        site.clear(site.rig.model_copy(update={"crew_keys": (str(tmp_path / "nowhere"),)}))
 
 
 def test_check_signs_with_the_key_of_the_command_line(tmp_path, crew, capsys):

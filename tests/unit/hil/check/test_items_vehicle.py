@@ -1,6 +1,7 @@
 """Items of the vehicle, its fence and motion capture: each fault is seen by the item meant for it."""
 
 import functools
+import math
 from dataclasses import replace
 
 import pytest
@@ -12,6 +13,7 @@ from hil.check.judge import Outcome
 from hil.recording.runs import write_json
 from tests.unit.hil.check.preflight import result, with_slot
 from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.px4.sim.receiver import UID
 
 
 def test_parameters_are_compared_with_the_last_flight_of_this_rig(context):
@@ -98,3 +100,42 @@ def test_a_fence_inside_the_workspace_fails(context):
     gate = context.rig.gate.model_copy(update={"x": (-25.0, 15.0)})
     judged = result(replace(context, rig=context.rig.model_copy(update={"gate": gate})), "gate.fence")
     assert (judged.outcome, judged.margin) == (Outcome.FAIL, pytest.approx(-5.0))
+
+
+def test_autopilot_is_named_and_another_one_than_the_list_wants_fails(context):
+    uid = f"{UID:016x}"
+    reading = checks()["vehicle.identity"].function(context)
+    assert (reading.value, reading.ok) == (uid, True)
+    assert "1.17.0" in reading.detail
+    assert checks()["vehicle.identity"].function(context, uid="4954").ok is False
+
+
+def test_autopilot_without_a_uid_is_unknown(context, monkeypatch):
+    monkeypatch.setattr("vehicle.px4.sim.receiver.UID", 0)
+    with pytest.raises(Unavailable, match="does not tell its UID"):
+        checks()["vehicle.identity"].function(context)
+
+
+def test_another_autopilot_in_the_same_session_is_unknown(context, monkeypatch):
+    checks()["vehicle.identity"].function(context)
+    context.forget()
+    monkeypatch.setattr("vehicle.px4.sim.receiver.UID", 7)
+    with pytest.raises(Unavailable, match="another autopilot answers: UID 0000000000000007"):
+        checks()["vehicle.identity"].function(context)
+
+
+def test_go_of_a_real_autopilot_holds_all_that_was_read_of_it(context):
+    result(context, "vehicle.parameter", name="COM_OF_LOSS_T")
+    assert context.autopilot() == {}, "a simulated one is bound to nothing"
+    result(context, "vehicle.tilt_limit")
+    context.forget()  # the failed items are tried again
+    checks()["vehicle.parameter"].function(context, name="GF_MAX_HOR_DIST")
+    real = with_slot(context, "vehicle", kind="mavlink", url="udp://:14540")
+    real._kept.update(context._kept)
+    real._parameters.update(context._parameters)
+    real._reported_s = math.inf
+    table = real.autopilot()
+    assert table["uid"] == f"{UID:016x}"
+    held = table["parameters"]
+    assert {"COM_OF_LOSS_T", "COM_OBL_RC_ACT", "FD_FAIL_P", "CBRK_FLIGHTTERM", "GF_MAX_HOR_DIST"} <= set(held)
+    assert held["COM_OF_LOSS_T"] == pytest.approx(0.3)

@@ -6,10 +6,11 @@ import pytest
 
 from hil.check import records
 from hil.check.judge import Outcome
+from hil.check.moment import Moment
 from hil.check.records import GO, INCOMPLETE, NO_GO, RecordError
 from tests.unit.hil.check.made_up import checklist, record_of, run_session
 
-NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+NOW = Moment(datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC), "boot", 7)
 
 
 @pytest.fixture
@@ -51,6 +52,9 @@ def test_signing_without_a_name_raises(record):
         lambda d: d["subject"].update(scenario_class="hard"),
         lambda d: d["sign_off"].update(operator="Bob"),
         lambda d: d["sign_off"].update(utc="2026-01-03T03:04:05Z"),
+        lambda d: d["sign_off"].update(boot="another"),
+        lambda d: d["sign_off"].update(uptime_ns=8),
+        lambda d: d["autopilot"].update(uid="another"),
         lambda d: d.update(started_utc="2026-01-03T03:04:05Z"),
     ],
 )

@@ -27,6 +27,7 @@ ODD_FIELDS = [
     {"subject": {"rig": float("inf")}},
     {"started_utc": 5},
     {"sessions": "x"},
+    {"autopilot": []},
     {"sign_off": []},
     {"sign_off": {"operator": 1, "utc": "", "sha256": ""}},
     {"entries": [1]},

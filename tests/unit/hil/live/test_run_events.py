@@ -7,6 +7,7 @@ from hil.live.run_events import RunEvents
 from tests.unit.hil.bus.test_leaf import free_endpoint
 
 DIRECTOR, GATE = "director: not hovering after 90 s", "gate: gate tripped: age"
+ARMED, LATER = "vehicle_link: the vehicle is already armed", "vehicle_link: link lost"
 
 
 @pytest.fixture
@@ -23,7 +24,8 @@ def events():
     [
         ([], "ended", False, ""),
         ([GATE], "ended", False, ""),  # an attempt that failed, not a run that did
-        ([GATE, DIRECTOR], "ended", False, DIRECTOR),
+        ([GATE, DIRECTOR], "ended", False, "not hovering after 90 s"),
+        ([ARMED, DIRECTOR, LATER], "ended", False, "not hovering after 90 s: the vehicle is already armed"),
         ([GATE], "lead", False, GATE),
         ([DIRECTOR, GATE, GATE, GATE], "attempt", True, f"{GATE}; {GATE}; {GATE}"),
     ],

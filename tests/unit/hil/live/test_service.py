@@ -233,3 +233,13 @@ def test_service_not_yet_safe_does_not_exit(start):
     node.at_rest = True
     service.thread.join(LIMIT_S)
     assert not service.thread.is_alive()
+
+
+def test_nodes_learn_what_may_be_armed_before_their_first_step(start):
+    node = Fake(period_ns=2_000_000)
+    permitted = []
+    node.permit = lambda arming: permitted.append((arming, len(node.steps)))
+    service = start(node)
+    service.order(order="go", epoch_ns=time.monotonic_ns(), arming={"uid": "4954"})
+    until(lambda: node.steps)
+    assert permitted == [({"uid": "4954"}, 0)]

@@ -68,18 +68,3 @@ def test_disagreement_names_what_differs_in_one_line(name, remote):
     for theirs in others:
         text = disagreement("brain", theirs, ours, remote=remote)
         assert name in text and text.startswith("brain ") and text.isprintable()
-
-
-def test_code_digest_is_of_content_and_names_only(tmp_path):
-    for top in ("one", "two"):
-        (tmp_path / top / "hil").mkdir(parents=True)
-        (tmp_path / top / "hil" / "a.py").write_text("x = 1\n")
-    (tmp_path / "two" / "hil" / "__pycache__").mkdir()
-    (tmp_path / "two" / "hil" / "__pycache__" / "a.pyc").write_bytes(b"\0")
-    (tmp_path / "two" / "README.md").write_text("words")
-    one = provenance.code_digest(tmp_path / "one")
-    assert one == provenance.code_digest(tmp_path / "two") and len(one) == 64
-    (tmp_path / "two" / "hil" / "a.py").rename(tmp_path / "two" / "hil" / "b.py")
-    assert provenance.code_digest(tmp_path / "two") != one
-    (tmp_path / "one" / "hil" / "a.py").write_text("x = 2\n")
-    assert provenance.code_digest(tmp_path / "one") != one

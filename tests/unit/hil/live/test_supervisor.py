@@ -12,6 +12,8 @@ import pytest
 from hil.live.orphaned import mapped_memory, remove_orphaned_memory
 from hil.live.process import Process
 from hil.live.supervisor import Supervisor, SupervisorError
+from hil.scoring.score import ABORTED
+from vehicle.px4.driver.arming import Arming, Identity
 
 
 def process(tmp_path, code):
@@ -229,3 +231,33 @@ def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path)
             holder.communicate()
         for path in (orphan, held):
             path.unlink(missing_ok=True)
+
+
+class FakeBus:
+    """Keeps what is published and ordered."""
+
+    def __init__(self):
+        self.published, self.orders = [], []
+
+    def publish(self, now_ns, topic, message):
+        self.published.append((topic, message))
+
+    def send_table(self, key, table):
+        self.orders.append(table)
+
+    def close(self):
+        pass
+
+
+def test_order_to_start_says_what_may_be_armed_and_an_abort_stands_in_the_recording(tmp_path):
+    one = Supervisor(tmp_path / "spec.json", "", tmp_path)
+    one._bus = bus = FakeBus()
+    one.abort("before the start")
+    assert bus.published == [], "there is no run's time yet"
+    arming = Arming(Identity("4954", ""), {"COM_OF_LOSS_T": 0.3})
+    one.go(arming=arming)
+    assert Arming.of(bus.orders[-1]["arming"]) == arming
+    one.abort("brain was killed")
+    ((topic, event),) = bus.published
+    assert (topic, event.source, event.text) == ("event", "supervisor", f"{ABORTED}brain was killed")
+    assert bus.orders[-1] == {"order": "abort", "why": "brain was killed"}

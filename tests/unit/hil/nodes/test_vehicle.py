@@ -8,6 +8,7 @@ from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleDevice, VehicleLink
 from hil.safety.limits import GateLimits
 from hil.safety.vehicle_gate import VehicleGate
 from tests.unit.hil.contract.node_fakes import filled
+from vehicle.px4.driver.arming import Arming, Identity
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Note, Odometry, Rates
 
 MS = 1_000_000
@@ -195,3 +196,13 @@ def test_simulated_vehicle_moves_with_the_board_once_attached():
         ("attach", (4.0, 5.0, 1.5), 0, (2.0, 0.0, 0.0), 0.3),
         ("step", NOW),
     ]
+
+
+def test_vehicle_node_passes_the_conditions_for_arming_to_the_driver():
+    rig = Rig()
+    rig.link.allow_arming = rig.link.calls.append
+    arming = Arming(Identity("4954", ""), {"COM_OF_LOSS_T": 0.3})
+    rig.node.permit(arming.table())
+    assert rig.link.calls == [arming]
+    with pytest.raises(ValueError, match="no conditions for arming"):
+        rig.node.permit(None)

@@ -9,6 +9,7 @@ import pytest
 from hil.recording import provenance
 from hil.recording.provenance import Code, ProvenanceError
 from hil.recording.runs import RunError, list_runs, new_run, open_run, policy_identity, write_json
+from policies.prediction.learned import CHECKPOINT
 
 CODE = Code("git", "0.1.0", "a" * 40)
 WHEN = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
@@ -179,3 +180,22 @@ def test_provenance_outside_git_is_that_of_the_package_and_noted(tmp_path):
         provenance.code(tmp_path, distribution="no-such-thing")
     with pytest.raises(ProvenanceError, match="is not installed"):
         provenance.packages("no-such-thing")
+
+
+def test_code_is_identified_by_its_content_package_by_package(tmp_path):
+    for name in ("kernel", "hil", "vehicle", "groundcar", "policies", "scenarios"):
+        (tmp_path / name / "inner").mkdir(parents=True)
+        (tmp_path / name / "inner" / "one.py").write_text("x = 1\n")
+    before = provenance.code_digests(tmp_path)
+    (tmp_path / "hil" / "__pycache__").mkdir()
+    (tmp_path / "hil" / "__pycache__" / "one.pyc").write_bytes(b"x")
+    (tmp_path / "hil" / "notes.md").write_text("x")
+    assert provenance.code_digests(tmp_path) == before
+    (tmp_path / "hil" / "inner" / "one.py").rename(tmp_path / "hil" / "inner" / "two.py")
+    after = provenance.code_digests(tmp_path)
+    assert {name for name in before if before[name] != after[name]} == {"hil"}
+
+
+def test_planner_is_identified_with_its_motion_predictor(monkeypatch, tmp_path):
+    assert policy_identity("planner")["predictor_sha256"] == provenance.file_sha256(CHECKPOINT)
+    assert policy_identity("planner-analytic") == {"name": "planner-analytic"}

@@ -1,4 +1,5 @@
 import json
+import re
 import shutil
 
 import pytest
@@ -121,3 +122,26 @@ def test_campaign_without_a_verdict_is_refused(runs):
 def test_compare_of_a_campaign_is_refused(runs):
     with pytest.raises(ValueError, match="--compare puts one run beside another"):
         write_report(runs, runs[0])
+
+
+def test_scenarios_of_one_name_and_another_content_are_counted_separately(runs, tmp_path):
+    change(runs[0], scenario={"time_limit": 99.0})
+    text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
+    assert re.search(r"simple-ii [0-9a-f]{8} sim, pictures planner 1 of 1", text)
+    assert re.search(r"simple-ii [0-9a-f]{8} sim, pictures planner 2 of 3", text)
+    assert " mine sim, pictures" in text, "a name that says its content is shown alone"
+
+
+def test_rigs_of_one_name_and_another_content_are_counted_separately(runs, tmp_path):
+    manifest = json.loads((runs[0] / "manifest.json").read_text())
+    change(runs[0], rig={"mocap": {**manifest["rig"]["mocap"], "delay_ms": 99.0}})
+    change(runs[1], rig={"title": "a title flies nothing"})
+    text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
+    assert re.search(r"sim, pictures, sim [0-9a-f]{8} planner 1 of 1", text)
+    assert re.search(r"sim, pictures, sim [0-9a-f]{8} planner 2 of 3", text)
+
+
+def test_planners_with_other_predictors_are_counted_separately(runs, tmp_path):
+    change(runs[0], policy={"predictor_sha256": "a" * 64})
+    text = Page(write_report(runs, out=tmp_path / "c.html").read_text()).text
+    assert re.search(r"planner [0-9a-f]{8} 1 of 1", text) and re.search(r"planner [0-9a-f]{8} 2 of 3", text)

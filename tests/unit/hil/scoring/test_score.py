@@ -3,8 +3,9 @@ import math
 
 import pytest
 
-from hil.contract.messages import BoardState, Contact, Detection, Sent, Stage
-from hil.scoring.score import Scorer, score_messages
+from hil.contract.messages import BoardState, Contact, Detection, Event, Sent, Stage
+from hil.scoring.score import ABORTED, Scorer, score_messages
+from hil.scoring.verdict import verdict_word
 from scenarios.spec import load
 
 START = 2_000_000_000
@@ -130,3 +131,44 @@ def test_tripped_gate_is_a_reason_of_the_score():
 def test_the_score_is_json_without_nan():
     score = score_messages(load("hard-i"), 0, flight(contact(CONTACT)))
     assert json.loads(json.dumps(score.as_dict(), allow_nan=False))["metrics"]["planar"] == pytest.approx(0.05)
+
+
+def aborted(at, source="supervisor", text=f"{ABORTED}brain was killed by SIGKILL"):
+    return at, "event", Event(at, "warning", source, text)
+
+
+def test_what_follows_an_abort_is_no_verdict():
+    """The vehicle is handed back and lands: the referee sees it on the ground."""
+    messages = sorted(
+        [*flight(contact(CONTACT, "fail", "ground", False, False)), aborted(4_000_000_000)], key=lambda m: m[0]
+    )
+    score = score_messages(load("hard-i"), 0, messages)
+    assert (score.outcome, score.verdict) == ("incomplete", "incomplete")
+    assert score.reasons == ("aborted: brain was killed by SIGKILL",)
+    assert (score.attached, score.within_tolerance, score.metrics.planar) == (False, False, None)
+    assert score.metrics.duration == pytest.approx(2.0, abs=0.02), "up to the abort"
+
+
+def test_abort_after_the_contact_keeps_its_numbers_but_is_no_verdict():
+    messages = [*flight(contact(CONTACT)), aborted(CONTACT + 300_000_000)]
+    score = score_messages(load("hard-i"), 0, sorted(messages, key=lambda m: m[0]))
+    assert (score.verdict, score.attached) == ("incomplete", True)
+    assert score.metrics.planar == pytest.approx(0.05)
+
+
+def test_abort_that_is_not_in_the_recording_is_told_by_the_caller():
+    score = score_messages(load("hard-i"), 0, flight(contact(CONTACT)), "interrupted")
+    assert (score.verdict, score.reasons) == ("incomplete", ("aborted: interrupted",))
+
+
+@pytest.mark.parametrize("event", [{"source": "brain"}, {"text": "the date was set back"}], ids=str)
+def test_other_events_end_no_attempt(event):
+    messages = sorted([*flight(contact(CONTACT)), aborted(4_000_000_000, **event)], key=lambda m: m[0])
+    assert score_messages(load("hard-i"), 0, messages).verdict == "perched"
+
+
+@pytest.mark.parametrize("state", ["running", "interrupted", "failed", "refused", ""])
+def test_only_a_finished_run_is_a_verdict(state):
+    found = {"attached": True, "within_tolerance": True, "outcome": "success"}
+    assert verdict_word(**found, state=state) == "incomplete"
+    assert verdict_word(**found, state="finished") == "perched"

@@ -7,6 +7,7 @@ import pytest
 from tests.unit.vehicle.px4.driver.driver_bench import START, Bench
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import Packer
+from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.types import LinkConfig, Rates
 
 HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
@@ -40,7 +41,7 @@ def test_driver_does_not_arm_before_arming_is_allowed():
     bench.run(12.0, hover)
     assert bench.link.phase == "ready"
     assert not bench.sim.flight.armed
-    bench.link.allow_arming()
+    bench.link.allow_arming(Arming())
     bench.to("hover")
 
 

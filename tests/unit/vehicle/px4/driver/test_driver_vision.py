@@ -7,6 +7,7 @@ import pytest
 from kernel.rotations import from_euler, multiply, swap_attitude, to_euler, yaw
 from tests.unit.vehicle.px4.driver.driver_bench import MS, Bench
 from vehicle.px4 import protocol as px4
+from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.types import ExternalPose
 
 VISION = {"EKF2_EV_CTRL": 15, "EKF2_GPS_CTRL": 0, "EKF2_HGT_REF": 3, "SENS_EN_GPSSIM": 0, "SYS_HAS_GPS": 0}
@@ -83,3 +84,9 @@ def test_px4s_estimate_does_not_follow_without_the_parameters():
     bench = fed(lambda b: truth(b, (0.5, -0.4, 0.3)), seconds=8.0)
     believed, true = bench.odometry[-1][1], bench.sim.truth()
     assert math.dist(believed.position, true.position) < 0.05
+
+
+def test_checked_autopilot_on_external_vision_is_armed_in_offboard():
+    bench = fed(truth, seconds=8.0, sim={"parameters": VISION}, external_vision=True)
+    bench.link.allow_arming(Arming(parameters={"EKF2_EV_CTRL": 15}))
+    bench.to("verify").to("hover")

@@ -1,0 +1,79 @@
+"""Resets of the autopilot's estimate: what jumped is measured, and only a jump that matters is a warning."""
+
+import math
+
+import pytest
+
+from kernel.rotations import from_euler
+from tests.unit.vehicle.px4.driver.driver_bench import Bench
+from vehicle.px4.codec import Packer, Parser
+from vehicle.px4.driver.resets import note_of, reset_between
+from vehicle.px4.driver.types import Odometry
+
+MS = 1_000_000
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def sample(ms, position=(0.0, 0.0, 2.0), velocity=(0.0, 0.0, 0.0), yaw=0.0, rate=(0.0, 0.0, 0.0)):
+    return Odometry(ms * MS, position, velocity, from_euler(0.0, 0.0, yaw), rate)
+
+
+def test_motion_is_no_jump():
+    before = sample(0, (1.0, 2.0, 3.0), (5.0, -3.0, 1.0), 0.3, (0.0, 0.0, 2.0))
+    after = sample(10, (1.05, 1.97, 3.01), (5.1, -3.0, 1.0), 0.32, (0.0, 0.0, 2.0))
+    found = reset_between(before, after)
+    assert found is not None
+    assert found == pytest.approx((0.0, 0.1, 0.0), abs=1e-6)
+    assert note_of(found, hovering=True).severity == "info"
+
+
+@pytest.mark.parametrize(
+    ("after", "hovering", "severity"),
+    [
+        (sample(10, yaw=math.radians(9.0)), False, "info"),  # PX4's own reset of its heading after take-off
+        (sample(10, yaw=math.radians(9.0)), True, "warning"),
+        (sample(10, (0.2, 0.0, 2.0)), False, "info"),
+        (sample(10, (0.2, 0.0, 2.0)), True, "warning"),
+        (sample(10, (0.7, 0.0, 2.0)), False, "warning"),
+        (sample(10, velocity=(0.4, 0.0, 0.0)), True, "warning"),
+        (sample(10, (0.01, 0.0, 2.0), (0.1, 0.0, 0.0), math.radians(0.5)), True, "info"),
+    ],
+)
+def test_jump_is_a_warning_only_where_it_matters(after, hovering, severity):
+    note = note_of(reset_between(sample(0), after), hovering=hovering)
+    assert note.severity == severity
+    assert note.text.startswith("the autopilot's estimate was reset by ")
+
+
+def test_reset_while_no_odometry_came_cannot_be_measured_and_is_a_warning():
+    assert reset_between(sample(0), sample(600)) is None
+    assert note_of(None, hovering=False).severity == "warning"
+
+
+class Jump:
+    """From now on the autopilot's odometry lies `metres` further north, and has been reset once more."""
+
+    def __init__(self, bench, metres):
+        self._receive, self._metres = bench.tap.receive, metres
+        self._parser, self._packer = Parser(), Packer(1, 1)
+        bench.tap.receive = self
+
+    def __call__(self):
+        return [self._moved(frame) for data in self._receive() for frame in self._parser.feed(data)]
+
+    def _moved(self, frame):
+        if frame.name != "ODOMETRY":
+            return frame.raw
+        f = frame.fields
+        return self._packer.pack(frame.message, *f._replace(x=f.x + self._metres, reset_counter=f.reset_counter + 1))
+
+
+@pytest.mark.parametrize(("phase", "severity"), [("goto", "info"), ("hover", "warning")])
+def test_driver_tells_a_reset_once_and_by_the_phase_in_which_it_comes(phase, severity):
+    bench = Bench().to(phase)
+    bench.run(0.3)
+    Jump(bench, 0.3)
+    bench.run(0.1)
+    (told,) = [note for _, note in bench.notes if "estimate was reset" in note.text]
+    assert told.severity == severity
+    assert told.text.startswith("the autopilot's estimate was reset by 0.3")

@@ -1,0 +1,59 @@
+"""Resets of the autopilot's estimate (ODOMETRY.reset_counter): what jumped, by how much, and whether that matters.
+
+PX4 resets its heading once after each take-off, when it has left the magnetic disturbance of the ground, and small
+corrections count as resets too. A driver on its way to the hover settles there again; later each jump is an error of
+what a policy flies on.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from vehicle.px4.driver.types import Note, Odometry, Quat
+
+_LONGEST_S = 0.5  # between two samples: longer, and the motion between them is not known
+
+
+class Reset(NamedTuple):
+    """By how much position (m), velocity (m/s) and attitude (rad) changed without a motion."""
+
+    position: float
+    velocity: float
+    attitude: float
+
+    @property
+    def text(self) -> str:
+        return (
+            f"the autopilot's estimate was reset by {self.position:.2f} m, {self.velocity:.2f} m/s, "
+            f"{math.degrees(self.attitude):.1f} deg"
+        )
+
+
+ON_THE_WAY = Reset(0.5, 1.0, math.radians(45.0))  # more than this is worth a warning before the hover
+FROM_THE_HOVER_ON = Reset(0.05, 0.3, math.radians(2.0))
+
+
+def reset_between(before: Odometry, after: Odometry) -> Reset | None:
+    """What changed between two samples beyond the motion that they tell; None if they are too far apart in time."""
+    seconds = (after.stamp_ns - before.stamp_ns) * 1e-9
+    if not 0.0 < seconds <= _LONGEST_S:
+        return None
+    expected = [p + v * seconds for p, v in zip(before.position, before.velocity, strict=True)]
+    turning = math.hypot(*before.body_rate) * seconds
+    attitude = max(0.0, _angle(before.orientation, after.orientation) - turning)
+    return Reset(math.dist(after.position, expected), math.dist(after.velocity, before.velocity), attitude)
+
+
+def note_of(reset: Reset | None, *, hovering: bool) -> Note:
+    """The crew's text: a warning if more jumped than is harmless in this phase of the flight, else an information."""
+    if reset is None:
+        return Note("warning", "the autopilot's estimate was reset while no odometry came")
+    limits = FROM_THE_HOVER_ON if hovering else ON_THE_WAY
+    matters = any(value > limit for value, limit in zip(reset, limits, strict=True))
+    return Note("warning" if matters else "info", reset.text)
+
+
+def _angle(a: Quat, b: Quat) -> float:
+    """rad; not `kernel.rotations.angle_between`: a kernel that is loaded in flight delays a command."""
+    return 2.0 * math.acos(min(1.0, abs(sum(x * y for x, y in zip(a, b, strict=True)))))
