@@ -53,9 +53,11 @@ def vehicle_link(parts: Parts) -> VehicleLink:
             signing=_signing(slot.signing_key, parts.unix_ns),
         )
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
+    reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
+    config = replace(config, arm=reach is None)  # the node allows it once motion capture agrees
     link = Px4Link(parts.wires.vehicle_link(), config)
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
-    return VehicleLink(link, VehicleGate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board)
+    return VehicleLink(link, VehicleGate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board, reach)
 
 
 def _wind(parts: Parts) -> Wind | None:

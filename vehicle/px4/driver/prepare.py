@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from kernel.rotations import yaw
 from vehicle.px4 import protocol as px4
-from vehicle.px4.driver.core import SECOND, LinkCore
+from vehicle.px4.driver.core import BEFORE_FLIGHT, SECOND, LinkCore
 from vehicle.px4.driver.send import ByteWire
 from vehicle.px4.driver.types import LinkConfig
 
@@ -28,6 +28,11 @@ class GroundPhases(LinkCore):
     def allow_arming(self) -> None:
         """Call it once where the configuration has `arm = False`: the driver then arms and takes off when ready."""
         self._may_arm = True
+
+    def refuse_arming(self) -> None:
+        """Give up while waiting for `allow_arming`: phase failed."""
+        if self.phase in BEFORE_FLIGHT:
+            self._enter("failed")
 
     def _step_connect(self, now_ns: int) -> None:
         autopilot = self._autopilot
