@@ -4,7 +4,7 @@ A hovering vehicle follows a board that is detected every 30 ms. In the middle o
 infinite, huge, a stamp of the future or of the past. Then all is sound again. Whatever happens, nothing that is not
 finite is sent. Either the gate has tripped, and nothing more is sent; or what is sent is what an undisturbed twin
 sends, but for the message that it lacks.
-PERCH_HIL_ATTACK multiplies the number of cases.
+PERCH_HIL_ATTACK multiplies the number of cases; beyond 1 all policies are flown, not one of each kind.
 """
 
 import math
@@ -133,7 +133,7 @@ def broken(message, field, index, value, now_ns):
     return replace(message, **{field: tuple(numbers)})
 
 
-@pytest.fixture(scope="module", params=FLYABLE)
+@pytest.fixture(scope="module", params=FLYABLE if FACTOR > 1 else ("state", "planner"))
 def policy(request):
     return policy_factory(request.param, AIRFRAME)()
 
@@ -190,7 +190,8 @@ def test_one_broken_message_at_every_topic_ends_the_flight_safe_or_changes_nothi
     undisturbed, everywhere = twin
     draws = random.Random(39)
     for place in everywhere:
-        values = STAMPS_MS if place[1].endswith("_ns") else NUMBERS
+        numbers = NUMBERS[:3] if place[0] == "policy/action" else NUMBERS  # a large command is clipped, by contract
+        values = STAMPS_MS if place[1].endswith("_ns") else numbers
         for value in draws.sample(values, min(FACTOR, len(values))):
             flight = attack(policy, place, value)
             check_sound(flight, undisturbed, (place, value, flight.gate.tripped))
