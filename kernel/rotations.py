@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from kernel.clip import clip
 from kernel.jit import njit
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -152,7 +153,7 @@ def from_euler(roll, pitch, yaw):
 @njit
 def to_euler(q):
     """Roll, pitch, yaw (rad) with q = Rz(yaw) Ry(pitch) Rx(roll); pitch is clamped to +-pi/2."""
-    sine = max(-1.0, min(1.0, 2.0 * (q[0] * q[2] - q[3] * q[1])))
+    sine = clip(2.0 * (q[0] * q[2] - q[3] * q[1]), -1.0, 1.0)
     return (
         math.atan2(2.0 * (q[0] * q[1] + q[2] * q[3]), 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])),
         math.asin(sine),
@@ -170,7 +171,7 @@ def yaw(q):
 def angle_between(a, b):
     """Angle (rad, 0..pi) of the rotation from a to b."""
     dot = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
-    return 2.0 * math.acos(min(1.0, dot))
+    return 2.0 * math.acos(clip(dot, 0.0, 1.0))
 
 
 @njit(inline="always")

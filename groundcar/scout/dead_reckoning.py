@@ -8,6 +8,7 @@ import numpy as np
 
 from groundcar.motion import board_row
 from groundcar.motion.kinematics import drive
+from kernel.stamps import later_than_now
 
 _LONGEST_S = 0.5  # without a report for longer the car is assumed to stand
 
@@ -22,9 +23,14 @@ class DeadReckoning:
         self._stamp_ns: int | None = None
         self._height, self._inclination = height, inclination
 
-    def add(self, stamp_ns: int, speed: float, turn_rate: float) -> None:
-        """Add the car's report at `stamp_ns`: m/s, rad/s. A report that is not newer or not finite is ignored."""
+    def add(self, stamp_ns: int, speed: float, turn_rate: float, now_ns: int | None = None) -> None:
+        """Add the car's report at `stamp_ns`: m/s, rad/s. A report that is not newer or not finite is ignored.
+
+        So is one stamped later than `now_ns`, its time of arrival, as it would have all others ignored until then.
+        """
         if not (math.isfinite(speed) and math.isfinite(turn_rate)):
+            return
+        if now_ns is not None and later_than_now(stamp_ns, now_ns):
             return
         if self._stamp_ns is not None:
             if stamp_ns <= self._stamp_ns:

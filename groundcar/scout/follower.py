@@ -21,7 +21,9 @@ from groundcar.motion.paths import LINE
 from groundcar.scout import gains_row
 from groundcar.scout.driver import Command
 from groundcar.scout.params import ScoutParams, load_scout
+from kernel.clip import clip, command_within
 from kernel.jit import njit
+from kernel.stamps import later_than_now
 
 TICK_NS = 10_000_000  # the reference moves in steps of 10 ms
 MAX_AGE_NS = 200_000_000  # a measurement is predicted no further than this
@@ -47,19 +49,16 @@ def follow(reference, ahead, x, y, heading, gains):
     dx, dy = reference[board_row.X] - x, reference[board_row.Y] - y
     c, s = math.cos(heading), math.sin(heading)
     turned = reference[board_row.HEADING] - heading
-    correction = max(
-        -gains[gains_row.CORRECTION],
-        min(gains[gains_row.CORRECTION], gains[gains_row.ALONG] * (c * dx + s * dy)),
-    )
+    most = gains[gains_row.CORRECTION]
+    correction = clip(gains[gains_row.ALONG] * (c * dx + s * dy), -most, most)
     speed = ahead[board_row.SPEED] * math.cos(turned) + correction
     turn = (
         ahead[board_row.TURN_RATE]
         + gains[gains_row.ACROSS] * reference[board_row.SPEED] * (c * dy - s * dx)
         + gains[gains_row.HEADING] * math.sin(turned)
     )
-    return max(-gains[gains_row.SPEED_LIMIT], min(gains[gains_row.SPEED_LIMIT], speed)), max(
-        -gains[gains_row.TURN_RATE_LIMIT], min(gains[gains_row.TURN_RATE_LIMIT], turn)
-    )
+    fastest, hardest = gains[gains_row.SPEED_LIMIT], gains[gains_row.TURN_RATE_LIMIT]
+    return command_within(speed, -fastest, fastest), command_within(turn, -hardest, hardest)
 
 
 class Follower:
@@ -116,12 +115,14 @@ class Follower:
         """The reference at `now_ns` and the command for the car whose pose and twist were measured at `stamp_ns`.
 
         Pose: m, m, rad, world; twist: m/s signed, rad/s. An older measurement is predicted to now. Raises ValueError if
-        a number is not finite: the caller must drop such a measurement.
+        a number is not finite or the stamp later than now: the caller must drop such a measurement.
         """
         if not all(map(math.isfinite, (x, y, heading, speed, turn_rate))):
             raise ValueError(
                 f"the car's measured state is {x, y, heading, speed, turn_rate}: drop it, do not follow it"
             )
+        if stamp_ns is not None and later_than_now(stamp_ns, now_ns):
+            raise ValueError(f"the car's measured state is stamped {stamp_ns} ns, later than now, {now_ns} ns: drop it")
         if self._start_ns is None or now_ns < self._start_ns:
             return _shown(now_ns, self._row, standing=True), Command(now_ns, 0.0, 0.0)
         while self._ticked_ns + TICK_NS <= now_ns:
@@ -130,7 +131,7 @@ class Follower:
         rest = (now_ns - self._ticked_ns) * 1e-9
         reference, ahead = self.preview(rest), self.preview(rest + self._lead)
         if stamp_ns is not None:
-            age = min(max(now_ns - stamp_ns, 0), MAX_AGE_NS) * 1e-9
+            age = min(max(now_ns - stamp_ns, 0), MAX_AGE_NS) * 1e-9  # int: no NaN
             x, y, heading = drive(x, y, heading, speed, turn_rate, age)
         v, w = follow(reference, ahead, x, y, heading, self._gains)
         return _shown(now_ns, reference), Command(now_ns, float(v), float(w))

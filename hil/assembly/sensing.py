@@ -26,6 +26,7 @@ from vehicle.apriltag.detector import BoardDetector
 from vehicle.camera import bias_row
 from vehicle.camera.noise import measured_noise, paper_noise
 from vehicle.camera.pinhole import Camera
+from vehicle.mocap.agreement import BoardSetting
 from vehicle.mocap.system import Mocap
 from vehicle.quadrotor import airframe as af
 from vehicle.render.renderer import Renderer
@@ -91,7 +92,10 @@ def mocap(parts: Parts) -> Node:
     if slot.kind == "vrpn":
         _needs_real_time("motion capture", slot.kind, real_time)
         bodies = (slot.vehicle_body, slot.board_body)
-        return MocapDevice(VrpnMocap(slot.server, bodies, delay_ns).wait_for_bodies(), *bodies)
+        setting = None
+        if parts.rig.groundcar.kind != "sim":
+            setting = BoardSetting(parts.inclination, parts.scenario.board.height, parts.rig.gate.reach)
+        return MocapDevice(VrpnMocap(slot.server, bodies, delay_ns).wait_for_bodies(), *bodies, setting)
     return MocapNode(Mocap(seed), Mocap(seed + 1), slot.rate_hz, delay_ns)
 
 

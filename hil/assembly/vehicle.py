@@ -51,12 +51,13 @@ def vehicle_link(parts: Parts) -> VehicleLink:
             component=slot.component,
             clock_drift=slot.clock_drift,
             signing=vehicle_signing(slot.signing_key, parts.unix_ns),
-            arm=False,  # the host permits it, with what the go is bound to
+            arm=False,  # the host permits it, with what the go is bound to, and motion capture must agree
         )
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
+    reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
     link = Px4Link(parts.wires.vehicle_link(), config)
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
-    return VehicleLink(link, VehicleGate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board)
+    return VehicleLink(link, VehicleGate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board, reach)
 
 
 def _wind(parts: Parts) -> Wind | None:

@@ -85,6 +85,23 @@ class CarBench:
         self.feedback = feedback
         return StopReport(at, slowing, standing, feedback.left_m - rolled)
 
+    def try_curve(self, speed: float, turn_rate: float) -> tuple[float, float]:
+        """Drive a curve (m/s, rad/s) for a second, then send nothing: (m, rad) by the wheels until it stands.
+
+        Raises Unavailable if it takes no commands.
+        """
+        if not self._link.ready:
+            raise Unavailable(f"the car does not take commands: mode {self.feedback.mode}, {self.feedback.fault}")
+        began = sent = before = self._clock.now_ns
+        moved = turned = 0.0
+        while (since := self._clock.now_ns - began) < 3_000_000_000:
+            due = since < 1_000_000_000 and self._clock.now_ns - sent >= _COMMAND_NS
+            sent = self._clock.now_ns if due else sent
+            self.feedback = self._step(Command(self._clock.now_ns, speed, turn_rate) if due else None)
+            passed, before = (self._clock.now_ns - before) * 1e-9, self._clock.now_ns
+            moved, turned = moved + passed * self.feedback.speed, turned + passed * self.feedback.turn_rate
+        return moved, turned
+
     def _step(self, command: Command | None = None) -> Feedback:
         self._pace()
         try:

@@ -15,7 +15,7 @@ from hil.bench.camera import CameraBench, Quat
 from hil.bench.camera_device import DeviceBench
 from hil.bench.car import CarBench
 from hil.bench.failsafes import TrialReport, try_failsafes
-from hil.bench.mocap import MocapReport, measure_mocap
+from hil.bench.mocap import CurveReport, MocapReport, measure_curve, measure_mocap
 from hil.bench.reading import NotApplicable, Unavailable
 from hil.bench.vehicle import Bench, GroundReport, SimulatedBench, live_bench, read_ground
 from kernel.rotations import swap_attitude
@@ -124,7 +124,14 @@ class Context:
 
     def mocap(self) -> MocapReport:
         """A second of motion capture."""
-        return self._of("mocap", "mocap", lambda: measure_mocap(self.rig, self.airframe, self.drawn), ("sim", "vrpn"))
+        parts = (self.rig, self.airframe, self.drawn, self.scenario)
+        return self._of("mocap", "mocap", lambda: measure_mocap(*parts), ("sim", "vrpn"))
+
+    def curve(self) -> CurveReport:
+        """A short drive of the car, by motion capture and by its wheels."""
+        if self.rig.mocap.kind == "sim":
+            raise NotApplicable("a simulated motion capture does not see a car on the bench")
+        return self._of("mocap", "curve", lambda: measure_curve(self.rig.mocap, self.car()), ("vrpn",))
 
     def clocks(self) -> Clock:
         """This host's clocks against those of the host with the bus's hub."""

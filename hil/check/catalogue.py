@@ -6,6 +6,7 @@ from hil.check import (  # noqa: F401  importing them registers their checks
     items_camera,
     items_car,
     items_host,
+    items_mocap,
     items_policy,
     items_run,
     items_vehicle,

@@ -195,17 +195,3 @@ def _trips(limits, place: list[float]) -> str:
     still, level = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     gate.check(0, Action(0, True, still, _GRAVITY, "", 0, 1.0), VehicleState(0, (x, y, z), still, level, still))
     return gate.tripped
-
-
-@check("mocap.rate", unit="Hz")
-def mocap_rate(context: Context) -> Reading:
-    """Poses a second from motion capture."""
-    report = context.mocap()
-    return Reading(report.rate_hz, f"longest gap {report.gap_ms:.1f} ms", report.source)
-
-
-@check("mocap.age", unit="ms")
-def mocap_age(context: Context) -> Reading:
-    """Greatest age of the newest pose before the next one comes."""
-    report = context.mocap()
-    return Reading(report.age_ms, "", report.source)

@@ -16,10 +16,13 @@ from hil.contract.messages import BoardState, CarCommand, CarFeedback, CarRefere
 from hil.contract.node import Inbox, Node, Out
 from hil.safety.car_gate import CarGate
 from hil.safety.limits import CarGateLimits
+from kernel.clip import usable
+from kernel.stamps import later_than_now
 
 CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
 _BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board
 _STANDING = 0.05  # m/s
+_BLIND_NS = 1_000_000_000  # the car is not driven by an older measurement
 
 
 class CarFollower(Node):
@@ -34,6 +37,11 @@ class CarFollower(Node):
     def __init__(self, follower: Follower) -> None:
         self._follower = follower
         self._asked = (0.0, 0.0)
+        self._refused = 0
+
+    @property
+    def counters(self) -> dict[str, int]:
+        return {"periods without a usable measurement of the car": self._refused}
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         board: BoardState | None = inbox.latest("mocap/board")
@@ -45,7 +53,8 @@ class CarFollower(Node):
         if stage.car_start_ns:
             self._follower.start(stage.car_start_ns)
         x, y, _ = board.position
-        if not all(map(math.isfinite, (x, y, board.heading, board.speed, board.turn_rate))):
+        if not _can_be_followed(now_ns, board):
+            self._refused += 1
             return []
         reference, command = self._follower.step(
             now_ns, x, y, board.heading, board.speed, board.turn_rate, board.stamp_ns
@@ -65,6 +74,13 @@ class CarFollower(Node):
         left = max(0.0, abs(speed) - _BRAKING * CONTROL_PERIOD_NS * 1e-9)
         share = left / abs(speed) if left else 0.0
         return math.copysign(left, speed), share * turn_rate
+
+
+def _can_be_followed(now_ns: int, board: BoardState) -> bool:
+    """Whether the car can be driven by this measurement. Without commands its own watchdog stops it."""
+    if later_than_now(board.stamp_ns, now_ns) or now_ns - board.stamp_ns > _BLIND_NS:
+        return False
+    return usable((*board.position[:2], board.heading, board.speed, board.turn_rate))
 
 
 class CarLink(Node):
@@ -134,7 +150,7 @@ class CarLink(Node):
             output.rejected_frames,
         )
         if self._truth is not None:
-            self._truth.add(output.stamp_ns, output.speed, output.turn_rate)
+            self._truth.add(output.stamp_ns, output.speed, output.turn_rate, now_ns)
             outs.append(Out("truth/board", board_of(now_ns, self._truth.board_row(now_ns))))
         return [*outs, Out("car/feedback", self._reported)]
 

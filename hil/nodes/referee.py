@@ -6,9 +6,12 @@ import numpy as np
 
 from hil.contract.messages import BoardState, Contact, Event, Stage, VehicleState
 from hil.contract.node import Inbox, Node, Out
+from kernel.stamps import later_than_now
 from policies.task import contact as rule
 from policies.task import result_row
 from vehicle.quadrotor.airframe import ContactGeometry
+
+_TOGETHER_NS = 200_000_000  # between the samples of both bodies
 
 
 class Referee(Node):
@@ -34,6 +37,8 @@ class Referee(Node):
             return []
         if self._decided is not None:
             return [Out("referee/contact", self._decided)]
+        if abs(vehicle.stamp_ns - board.stamp_ns) > _TOGETHER_NS or later_than_now(vehicle.stamp_ns, now_ns):
+            return []  # a body that is hidden, or a broken stamp: a contact cannot be judged by where it was
         board_row = np.array([*board.position, board.heading, board.speed, board.turn_rate, self._inclination, 0.0])
         rule.evaluate(
             np.array(vehicle.position),

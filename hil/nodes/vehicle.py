@@ -16,6 +16,9 @@ from hil.contract.messages import (
 )
 from hil.contract.node import Inbox, Node, Out
 from hil.safety.vehicle_gate import VehicleGate
+from kernel.clip import usable
+from kernel.stamps import later_than_now
+from vehicle.mocap.agreement import Lasting, vehicle_disagreement
 from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
@@ -25,6 +28,8 @@ from vehicle.quadrotor.wind import Wind
 
 STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
+_FRESH_NS, _AGREES_NS = 300_000_000, 300_000_000
+_DIFFERS_NS = 20_000_000_000  # an estimator takes seconds to align with the poses that it is given
 
 
 class VehicleLink(Node):
@@ -43,13 +48,17 @@ class VehicleLink(Node):
         stands_for_truth: bool = False,
         external_pose: bool = False,
         virtual_board: bool = False,
+        mocap_reach: float | None = None,
     ) -> None:
         """`stands_for_truth`: a real vehicle with simulated sensors, which use the pose from its odometry.
         `external_pose`: the vehicle's pose from motion capture is passed on to the autopilot's estimator.
-        `virtual_board`: a real vehicle perches on a board that is not there, and would fall if its motors stopped."""
+        `virtual_board`: a real vehicle perches on a board that is not there, and would fall if its motors stopped.
+        `mocap_reach` (m, the largest coordinate inside the fence): a real motion capture has to agree with the
+        autopilot before `link` gets the permission to arm."""
         self._link, self._gate, self._truth, self._external = link, gate, stands_for_truth, external_pose
         self._virtual_board = virtual_board
-        if external_pose:
+        self._reach, self._agrees, self._differs = mocap_reach, Lasting(_AGREES_NS), Lasting(_DIFFERS_NS)
+        if external_pose or mocap_reach is not None:
             self.inputs = (*VehicleLink.inputs, "mocap/vehicle")
         if stands_for_truth:
             self.outputs = (*VehicleLink.outputs, "truth/vehicle")
@@ -58,10 +67,14 @@ class VehicleLink(Node):
         self._phase = ""
         self._published: dict[str, float] = {}
         self._aborted = False
+        self._poses_refused = 0
+        self._arming: Arming | None = None  # the host's permission
 
     def permit(self, arming: Any) -> None:
         """A real vehicle is not armed before. Raises ValueError for a table that is not that of an `Arming`."""
-        self._link.allow_arming(Arming.of(arming))
+        self._arming = Arming.of(arming)
+        if self._reach is None:
+            self._link.allow_arming(self._arming)
 
     def abort(self, why: str) -> None:
         """Return control to the autopilot, which lands; on the ground, do not take off."""
@@ -82,10 +95,11 @@ class VehicleLink(Node):
         actions = [action for action in inbox.new("policy/action") if action.engaged]
         newest = actions[-1] if actions and not self._aborted else None
         command, sent, tripped = self._checked(now_ns, newest)
-        seen: VehicleState | None = inbox.latest("mocap/vehicle") if self._external else None
-        pose = None if seen is None else ExternalPose(seen.stamp_ns, seen.position, seen.orientation)
+        pose, refused = self._external_pose(now_ns, inbox)
         output = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]
+        if refused:
+            outs.append(Out("event", Event(now_ns, "error", self.name, refused)))
         if tripped:
             outs.append(Out("event", Event(now_ns, "error", "gate", f"gate tripped: {tripped}")))
         for sample in output.odometry:
@@ -95,11 +109,46 @@ class VehicleLink(Node):
                 outs.append(Out("truth/vehicle", self._odometry))
         if sent is not None and (output.sent_thrust is not None or tripped):
             outs.append(Out("vehicle/sent", _with_thrust(sent, output)))
+        if self._reach is not None and output.phase == "ready":
+            outs += self._before_arming(now_ns, inbox.latest("mocap/vehicle"), self._reach)
         outs += self._parameters(now_ns, output.phase)
         if output.phase != self._phase or now_ns - self._status_ns >= STATUS_PERIOD_NS:
             self._status_ns, self._phase = now_ns, output.phase
             outs.append(Out("vehicle/status", _status(now_ns, output)))
         return outs
+
+    def _external_pose(self, now_ns: int, inbox: Inbox) -> tuple[ExternalPose | None, str]:
+        """The pose for the autopilot's estimator, and why the first one that is broken was not passed on."""
+        seen: VehicleState | None = inbox.latest("mocap/vehicle") if self._external else None
+        if seen is None:
+            return None, ""
+        later = later_than_now(seen.stamp_ns, now_ns)
+        if not later and usable((*seen.position, *seen.orientation)):
+            return ExternalPose(seen.stamp_ns, seen.position, seen.orientation), ""
+        first = not self._poses_refused
+        self._poses_refused += bool(inbox.new("mocap/vehicle"))
+        what = "stamped later than now" if later else "not finite"
+        return None, f"a pose of motion capture is not passed on to the autopilot: {what}" if first else ""
+
+    def _before_arming(self, now_ns: int, seen: VehicleState | None, reach: float) -> list[Out]:
+        """Pass the host's permission on once motion capture agrees with the autopilot; give up when it differs for
+        too long."""
+        own = self._odometry
+        if seen is None or own is None or now_ns - own.stamp_ns > _FRESH_NS:
+            why = "no pose of the vehicle from motion capture" if seen is None else "no odometry of the autopilot"
+        elif later_than_now(seen.stamp_ns, now_ns):
+            why = "its pose is stamped later than now"
+        elif now_ns - seen.stamp_ns > _FRESH_NS:
+            why = "motion capture does not see the vehicle"
+        else:
+            why = vehicle_disagreement(seen.position, seen.orientation, own.orientation, reach)
+        if self._agrees.add(now_ns, not why) and self._arming is not None:
+            self._link.allow_arming(self._arming)
+        if not self._differs.add(now_ns, bool(why)):
+            return []
+        self._link.refuse_arming()
+        text = f"not armed: motion capture's vehicle does not agree with the autopilot: {why}"
+        return [Out("event", Event(now_ns, "error", self.name, text))]
 
     def _parameters(self, now_ns: int, phase: str) -> list[Out]:
         """What the autopilot holds, once it has been read and set."""
@@ -134,6 +183,7 @@ class VehicleLink(Node):
         return {
             "bytes of garbage on the vehicle's wire": self._link.garbage,
             "commands too old to send": self._gate.refused,
+            "poses of motion capture not passed on to the autopilot": self._poses_refused,
         }
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 from hil.contract.messages import CarCommand, CarFeedback
-from hil.safety.limits import CLOCK_ERROR_NS, CarGateLimits
+from hil.safety.limits import CarGateLimits
+from kernel.stamps import later_than_now
 
 
 class CarGate:
@@ -43,7 +44,7 @@ class CarGate:
             return ""  # no feedback yet, and the driver sends nothing before the first
         if now_ns - car.stamp_ns > limits.feedback_age_ms * 1e6:
             return f"no feedback of the car for {limits.feedback_age_ms:g} ms"
-        if car.stamp_ns - now_ns > CLOCK_ERROR_NS:
+        if later_than_now(car.stamp_ns, now_ns):
             return f"feedback of the car is stamped {(car.stamp_ns - now_ns) * 1e-6:.1f} ms later than now"
         if not (math.isfinite(car.speed) and math.isfinite(car.turn_rate)):
             return "feedback of the car is not finite"

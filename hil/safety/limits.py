@@ -5,9 +5,6 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 Range = tuple[float, float]  # lower, upper
-# A stamp later than now by more than this is broken data. The clocks of an autopilot and of other hosts are known to a
-# few milliseconds only.
-CLOCK_ERROR_NS = 5_000_000
 
 
 class GateLimits(BaseModel):
@@ -25,6 +22,11 @@ class GateLimits(BaseModel):
     command_age_ms: float = Field(default=50.0, gt=0, le=1000, description="an older command is not sent")
     odometry_age_ms: float = Field(default=200.0, gt=0, le=2000, description="older odometry trips")
     blind: float = Field(default=3.0, gt=0, le=60, description="s without seeing the board that trip")
+
+    @property
+    def reach(self) -> float:
+        """The largest coordinate inside the fence, m."""
+        return max(abs(end) for side in (self.x, self.y, self.z) for end in side)
 
     @field_validator("thrust", "x", "y", "z")
     @classmethod

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 
 from hil.contract.messages import Action, Quat, Sent, VehicleState
-from hil.safety.limits import CLOCK_ERROR_NS, GateLimits
+from hil.safety.limits import GateLimits
+from kernel.stamps import later_than_now
 
 _JUMP_M, _JUMP_RAD = 0.5, 0.5  # what an estimator may correct at once, on top of motion within the limits
 _UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
@@ -50,9 +51,9 @@ class VehicleGate:
             return "command is not finite"
         if vehicle is None or now_ns - vehicle.stamp_ns > limits.odometry_age_ms * 1e6:
             return f"no odometry younger than {limits.odometry_age_ms:g} ms"
-        if vehicle.stamp_ns - now_ns > CLOCK_ERROR_NS:
+        if later_than_now(vehicle.stamp_ns, now_ns):
             return f"odometry is stamped {(vehicle.stamp_ns - now_ns) * 1e-6:.1f} ms later than now"
-        if action.exposure_ns - now_ns > CLOCK_ERROR_NS:
+        if later_than_now(action.exposure_ns, now_ns):
             return f"the command's picture is stamped {(action.exposure_ns - now_ns) * 1e-6:.1f} ms later than now"
         blind = (now_ns - action.exposure_ns) * 1e-9
         if blind > limits.blind:

@@ -11,7 +11,8 @@ Measurement (5): [x, y, z, heading + heading_bias, inclination], its covariance 
 distance (innovation test). The filter stays at the newest exposure time and is predicted forward for output, so a
 measurement may be late; one older than the newest accepted is refused and counted. Measurements that fail the
 innovation test are kept as candidates: `reaccept` of them in a row that agree with each other restart the filter there,
-so that after a loss it cannot refuse the board for good.
+so that after a loss it cannot refuse the board for good. After LONGEST s without an accepted measurement the next one
+starts the filter. A filter asked for a time before its newest measurement knows nothing: one of the stamps is broken.
 
 One filter is one belief row (policies.estimation.belief_row); times are seconds from an origin of the caller's choice.
 """
@@ -23,16 +24,18 @@ import math
 import numpy as np
 
 from groundcar.motion.pose import board_normal
+from kernel import stamps
 from kernel.jit import njit
 from policies.estimation import belief_row, belief_state, filter_row, measured_row
-from policies.estimation.ctrv import LIVELY, advance, advance_state, steps_in, wrap
+from policies.estimation.ctrv import LIVELY, LONGEST, advance, advance_state, steps_in, wrap
 from policies.estimation.imm import combine, judge, mix, model_state, start_models
 
 # Indices of the state that a measurement sees, in the order of measured_row.
 _MEASURED = (belief_state.X, belief_state.Y, belief_state.Z, belief_state.HEADING, belief_state.INCLINATION)
 
-ACCEPTED, RESTARTED, GATED, OUT_OF_ORDER, NOT_FINITE, IMPLAUSIBLE = 0, 1, 2, 3, 4, 5
-CODES = ("accepted", "restarted", "gated", "out_of_order", "not_finite", "implausible")
+ACCEPTED, RESTARTED, GATED, OUT_OF_ORDER, NOT_FINITE, IMPLAUSIBLE, LATER_THAN_NOW = 0, 1, 2, 3, 4, 5, 6
+CODES = ("accepted", "restarted", "gated", "out_of_order", "not_finite", "implausible", "later_than_now")
+_CLOCK_ERROR = stamps.CLOCK_ERROR_NS * 1e-9 + 1e-6  # s, and the rounding of seconds
 
 
 @njit
@@ -153,6 +156,9 @@ def belief_update(row, t, z, r, params):
     if row[belief_row.STREAK] == 0.0:
         _start(row, t, z, r, params, False)
         return ACCEPTED
+    if t - row[belief_row.TIME] > LONGEST:
+        _start(row, t, z, r, params, False)
+        return RESTARTED
     if t <= row[belief_row.TIME] or (row[belief_row.CANDIDATES] > 0.0 and t <= row[belief_row.CANDIDATE_TIME]):
         row[belief_row.REJECTED] += 1.0
         return OUT_OF_ORDER
@@ -215,11 +221,18 @@ def _correct(x, p, z, r):
 
 
 @njit
+def belief_age(row, t):
+    """Seconds at `t` (s) since the newest accepted measurement; infinite if that is later than `t`."""
+    age = t - row[belief_row.TIME]
+    return age if age > -_CLOCK_ERROR else math.inf
+
+
+@njit
 def belief_rho(row, t, params):
     """Reliability: 1 while measurements arrive, then exp(-lambda_rho T_loss); 0 before the first."""
     if row[belief_row.STREAK] == 0.0:
         return 0.0
-    return math.exp(-params[filter_row.LAMBDA_RHO] * max(0.0, t - row[belief_row.TIME] - params[filter_row.LOSS_AFTER]))
+    return math.exp(-params[filter_row.LAMBDA_RHO] * max(0.0, belief_age(row, t) - params[filter_row.LOSS_AFTER]))
 
 
 @njit
@@ -227,10 +240,10 @@ def belief_predict(row, t, params, out):
     """Predict to time `t` (s) into a board row `out` ((8,)): [x, y, z, heading, speed, turn_rate, inclination, 0].
 
     Without detections the turn rate decays, unlike the paper's (`BeliefParams`). Returns rho. Before the first
-    measurement `out` is all zero and rho 0.
+    measurement `out` is all zero and rho 0. The prediction goes no further than LONGEST.
     """
     out[:] = row[belief_row.STATE : belief_row.STATE + belief_state.PREDICTED_DIM]
-    span = t - row[belief_row.TIME]
+    span = min(t - row[belief_row.TIME], LONGEST)
     if row[belief_row.STREAK] > 0.0 and span > 0.0:
         steps = steps_in(span)
         step = span / steps
@@ -273,7 +286,4 @@ def surface_sigma(row):
 @njit
 def belief_valid(row, t, params):
     """True once enough measurements were accepted since the last (re)start and the newest is not too old."""
-    return (
-        row[belief_row.STREAK] >= params[filter_row.VALID_AFTER]
-        and t - row[belief_row.TIME] < params[filter_row.MAX_AGE]
-    )
+    return row[belief_row.STREAK] >= params[filter_row.VALID_AFTER] and belief_age(row, t) < params[filter_row.MAX_AGE]

@@ -6,11 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kernel.clip import usable
+from kernel.stamps import later_than_now
 from policies.estimation import belief_row, belief_state, measured_row
 from policies.estimation.board_ekf import (
     ACCEPTED,
     CODES,
     IMPLAUSIBLE,
+    LATER_THAN_NOW,
     RESTARTED,
     belief_covariance,
     belief_predict,
@@ -70,17 +73,23 @@ class BoardFilter:
         quaternion: tuple[float, float, float, float],
         position_sigma: float | tuple[float, float, float],
         orientation_sigma: float,
+        now_ns: int | None = None,
     ) -> str:
         """Feed a detection (world ENU; quaternion wxyz, world from board); returns one of `CODES`.
 
-        `position_sigma` is one number or one for each world axis, m; `orientation_sigma` rad.
+        `position_sigma` is one number or one for each world axis, m; `orientation_sigma` rad. `now_ns`: the time of
+        arrival. An exposure later than that is refused, as it would have all later ones refused as out of order.
         """
+        if now_ns is not None and later_than_now(exposure_ns, now_ns):
+            self.row[belief_row.REJECTED] += 1.0
+            return CODES[LATER_THAN_NOW]
         if self.row[belief_row.STREAK] == 0.0:
             self._origin_ns = exposure_ns
         sigma = np.array(position_sigma, dtype=np.float64) * np.ones(3)
         p, q = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
         sane = measurement_from_pose(p, q, sigma, orientation_sigma, self._z, self._r)
-        if not sane and np.isfinite(self._z).all() and np.isfinite(self._r).all():
+        finite = np.isfinite(self._z).all() and np.isfinite(self._r).all()
+        if finite and not (sane and usable(self._z) and usable(self._r)):
             self.row[belief_row.REJECTED] += 1.0
             return CODES[IMPLAUSIBLE]
         code = belief_update(self.row, self.seconds(exposure_ns), self._z, self._r, self.params)

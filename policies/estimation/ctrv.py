@@ -12,6 +12,7 @@ from policies.estimation import belief_state, filter_row
 
 CALM, LIVELY = 0, 1  # models of a small and of a large acceleration (policies.estimation.imm)
 STEP = 0.05  # s, longest step of the prediction
+LONGEST = 30.0  # s, longest prediction: a board not seen for so long is unknown, and a broken stamp costs no time
 
 
 @dataclass(frozen=True)
@@ -157,15 +158,19 @@ def advance_covariance(x, p, dt, params, lively):
 
 @njit
 def steps_in(span):
-    """Equal steps, none longer than STEP, that `span` s are cut into; rounding does not decide at whole multiples."""
-    return max(1, math.ceil(span / STEP - 1e-6))
+    """Equal steps, none longer than STEP, that `span` s, LONGEST at most, are cut into.
+
+    Rounding does not decide at whole multiples of STEP.
+    """
+    return max(1, math.ceil(min(span, LONGEST) / STEP - 1e-6)) if span > 0.0 else 1
 
 
 @njit
 def advance(x, p, span, params, lively):
-    """Predict state and covariance by `span` s; `lively`: probability of the lively model (0..1)."""
-    steps = steps_in(span)
+    """Predict state and covariance by `span` s, LONGEST at most; `lively`: probability of the lively model (0..1)."""
+    span = min(span, LONGEST)
     if span > 0.0:
+        steps = steps_in(span)
         for _ in range(steps):
             advance_covariance(x, p, span / steps, params, lively)
             advance_state(x, span / steps, params[filter_row.ACCEL_TAU])

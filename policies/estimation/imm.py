@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.estimation import belief_row, belief_state, filter_row, measured_row
 from policies.estimation.ctrv import CALM, LIVELY, drive_sigma, wrap
@@ -54,7 +55,7 @@ def combine(weights, models, x, p):
 def expected(params, r, out):
     """Prior probability of each model, given the measurement's variances `r` alone, into `out`."""
     noise = math.sqrt(0.5 * (r[measured_row.X] + r[measured_row.Y])) / params[filter_row.CALM_NOISE]
-    out[CALM] = _SURE * min(1.0, max(0.0, noise - 1.0))
+    out[CALM] = _SURE * clip(noise - 1.0, 0.0, 1.0)
     out[LIVELY] = 1.0 - out[CALM]
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.estimation import thrust_row
 
@@ -62,15 +63,13 @@ def gain_update(row, vx, vy, vz, zx, zy, zz, asked, dt, lag, drag, gravity):
         forget = math.exp(-dt / _DRAG_MEMORY)
         row[thrust_row.VV] = forget * row[thrust_row.VV] + (ux * ux + uy * uy + uz * uz - rise * rise) * dt
         row[thrust_row.FV] = forget * row[thrust_row.FV] - (fx * ux + fy * uy + fz * uz - lift * rise) * dt
-        row[thrust_row.DRAG] = min(
-            _DRAG_MOST,
-            max(0.0, (row[thrust_row.FV] + drag * _DRAG_PRIOR) / (row[thrust_row.VV] + _DRAG_PRIOR)),
-        )
+        found = (row[thrust_row.FV] + drag * _DRAG_PRIOR) / (row[thrust_row.VV] + _DRAG_PRIOR)
+        row[thrust_row.DRAG] = clip(found, 0.0, _DRAG_MOST)
         forget = math.exp(-dt / _MEMORY)
         row[thrust_row.UU] = forget * row[thrust_row.UU] + mean * mean * dt
         row[thrust_row.SU] = forget * row[thrust_row.SU] + (lift + row[thrust_row.DRAG] * rise) * mean * dt
         prior = gravity * gravity * _PRIOR
-        row[thrust_row.GAIN] = min(_HIGH, max(_LOW, (row[thrust_row.SU] + prior) / (row[thrust_row.UU] + prior)))
+        row[thrust_row.GAIN] = clip((row[thrust_row.SU] + prior) / (row[thrust_row.UU] + prior), _LOW, _HIGH)
     else:
         row[thrust_row.DRAG] = drag
     row[thrust_row.STARTED] = 1.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from groundcar.motion import board_row
@@ -17,7 +19,8 @@ class GuidedPolicy:
     """Any flying policy with the laws of `policies/guidance/guide.py` on its commands, once it is engaged.
 
     Guidance has its own estimate of the vehicle, so that it depends only on the policy's command. If guidance has
-    changed the last command, the policy receives the changed one by its method `flown`.
+    changed the last command, the policy receives the changed one by its method `flown`. A command that is not finite
+    is passed on as it is, for the gate, and forgotten.
     """
 
     def __init__(self, policy: FlyingPolicy, airframe: Airframe, params: GuidanceParams | None = None) -> None:
@@ -40,6 +43,9 @@ class GuidedPolicy:
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
         """The policy's command, guided; with what the policy asked. Raises what the policy raises."""
         asked = self._policy.step(now_ns, vehicle, board)
+        if not math.isfinite(sum(asked.body_rate) + asked.thrust):
+            laws = NOT_FINITE if asked.engaged else 0
+            return asked._replace(asked_rate=asked.body_rate, asked_thrust=asked.thrust, laws=laws)
         own, command = self._own, self._command
         own.update(now_ns, vehicle, self._flown[command_row.THRUST])
         command[: command_row.THRUST], command[command_row.THRUST] = asked.body_rate, asked.thrust
@@ -59,6 +65,8 @@ class GuidedPolicy:
         return guided._replace(body_rate=(roll, pitch, yaw), thrust=thrust)
 
     def flown(self, body_rate: tuple[float, float, float], thrust: float) -> None:
-        """Pass the command that was flown (rad/s FLU, m/s^2) on to the policy."""
+        """Pass the command that was flown (rad/s FLU, m/s^2) on to the policy; one that is not finite is ignored."""
+        if not math.isfinite(sum(body_rate) + thrust):
+            return
         self._flown[: command_row.THRUST], self._flown[command_row.THRUST] = body_rate, thrust
         self._policy.flown(body_rate, thrust)

@@ -12,7 +12,7 @@ CHECKPOINTS = Path(__file__).parents[1] / "checkpoints"
 
 def policy_data(policy: str) -> dict[str, Path]:
     """What flies beside the code and `policy_file`: name of its part -> file."""
-    return {"predictor": _FOLDER / "predictor.npz"} if policy == "planner" else {}
+    return {"predictor": CHECKPOINTS / "predictor.npz"} if policy == "planner" else {}
 
 
 def policy_file(policy: str) -> Path | None:

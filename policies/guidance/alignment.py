@@ -12,6 +12,7 @@ import math
 
 from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
+from kernel.clip import clip, command_within
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
 from policies.guidance import params as gp
@@ -25,7 +26,7 @@ def lean_now(board, sigma, g):
 
     The share for a poorly known surface is scaled so that it is the same up any slope whose sine exceeds LEAN_SLOPE.
     """
-    poorly = min(1.0, max(0.0, (sigma - g[gp.SIGMA_LOW]) / (g[gp.SIGMA_HIGH] - g[gp.SIGMA_LOW])))
+    poorly = clip((sigma - g[gp.SIGMA_LOW]) / (g[gp.SIGMA_HIGH] - g[gp.SIGMA_LOW]), 0.0, 1.0)
     return g[gp.LEAN] + g[gp.LEAN_UNCERTAIN] * poorly / max(gp.LEAN_SLOPE, abs(math.sin(board[board_row.INCLINATION])))
 
 
@@ -73,8 +74,8 @@ def align(p, v, q, board, sigma, lean, previous, g, out):
     for axis in range(2):
         asked = out[axis]
         then = off[axis] - previous[axis] * g[gp.RATE_LAG] - asked * span
-        excess = then - min(band, max(-band, then))
+        excess = then - clip(then, -band, band)
         if excess != 0.0:
-            out[axis] = min(limit, max(-limit, asked + excess / span))
+            out[axis] = command_within(asked + excess / span, -limit, limit)
             changed = changed or out[axis] != asked
     return changed

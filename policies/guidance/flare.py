@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from groundcar.motion import board_row
+from kernel.clip import command_within
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
 from policies.guidance import params as gp
@@ -49,5 +50,5 @@ def flare(p, v, q, board, lean, previous, gain, g, out):
     if roll * roll + pitch * pitch <= g[gp.FLARE_RATE] * g[gp.FLARE_RATE]:
         return False
     limit, before = g[gp.RATE_MAX], (out[0], out[1])
-    out[0], out[1] = min(limit, max(-limit, roll)), min(limit, max(-limit, pitch))
+    out[0], out[1] = command_within(roll, -limit, limit), command_within(pitch, -limit, limit)
     return out[0] != before[0] or out[1] != before[1]

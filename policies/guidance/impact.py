@@ -11,6 +11,7 @@ import math
 
 from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
+from kernel.clip import clip
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.guidance import params as gp
@@ -43,7 +44,7 @@ def limit_impact(p, v, q, board, sigma, previous, gain, drag, g, out):
     # Acceleration without thrust, and its part along the normal.
     ax, ay, az = -drag * v[0], -drag * v[1], -GRAVITY - drag * v[2]
     pull = nx * ax + ny * ay + nz * az
-    lift, asked = 0.5 * (1.0 + cosine), min(high, max(low, out[command_row.THRUST]))
+    lift, asked = 0.5 * (1.0 + cosine), clip(out[command_row.THRUST], low, high)
     # Speed along the board at contact if the thrust asked acts until then.
     push = gain * asked
     sx = v[0] - board[board_row.SPEED] * math.cos(board[board_row.HEADING]) + left * (push * zx + ax)
@@ -54,13 +55,13 @@ def limit_impact(p, v, q, board, sigma, previous, gain, drag, g, out):
     sliding = math.sqrt(sx * sx + sy * sy + sz * sz)
     share = (g[gp.SLIDING_HIGH] - sliding) / (g[gp.SLIDING_HIGH] - g[gp.SLIDING_LOW])
     known = (g[gp.SIGMA_HIGH] - sigma) / (g[gp.SIGMA_HIGH] - g[gp.SIGMA_LOW])
-    share = min(1.0, max(0.0, share)) * min(1.0, max(0.0, known))
+    share = clip(share, 0.0, 1.0) * clip(known, 0.0, 1.0)
     # Work that thrust has to do, less what the previous thrust does while the motors lag.
     way, lagging = height + g[gp.IMPACT_MARGIN], g[gp.THRUST_LAG] * closing
-    given = gain * min(high, max(low, previous[command_row.THRUST]))
+    given = gain * clip(previous[command_row.THRUST], low, high)
     work = 0.5 * (closing * closing - into * into) - pull * way - lift * given * lagging
     needed = work / (lift * max(g[gp.IMPACT_SHORTEST], way - lagging)) / max(_LEAST_GAIN, gain)
-    raised = share * (min(high, max(low, needed)) - asked)
+    raised = share * (clip(needed, low, high) - asked)
     if raised <= 0.0:
         return False
     out[command_row.THRUST] = asked + raised

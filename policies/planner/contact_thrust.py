@@ -12,6 +12,7 @@ import math
 
 from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.guidance.approach import approach
 from policies.planner import params_row as pp
@@ -55,7 +56,7 @@ def contact_thrust(p, v, zx, zy, zz, board, acceleration, left, planned, given, 
     height, closing, cosine, _ = approach(
         p, v, zx, zy, zz, board, params[pp.vehicle.contact_below], params[pp.vehicle.contact_radius]
     )
-    share = min(1.0, max(0.0, (cosine - _FROM) / (_FULL - _FROM)))
+    share = clip((cosine - _FROM) / (_FULL - _FROM), 0.0, 1.0)
     if share <= 0.0:
         return planned
     nx, ny, nz = board_normal(board)

@@ -6,7 +6,7 @@ import math
 
 from kernel.jit import njit
 from policies.estimation import belief_row, belief_state
-from policies.estimation.board_ekf import belief_covariance, belief_valid, surface_sigma
+from policies.estimation.board_ekf import belief_age, belief_covariance, belief_valid, surface_sigma
 from policies.planner import estimate_row
 
 
@@ -30,6 +30,6 @@ def estimate_from_belief(row, t, params, x, p, estimate):
     estimate[estimate_row.VALID] = 1.0 if belief_valid(row, t, params) else 0.0
     estimate[estimate_row.SIGMA] = math.sqrt(max(0.0, 0.5 * (p[0] + p[belief_state.DIM + 1])))
     estimate[estimate_row.SPEED_SIGMA] = math.sqrt(max(0.0, p[4 * (belief_state.DIM + 1)]))
-    estimate[estimate_row.AGE] = t - row[belief_row.TIME]
+    estimate[estimate_row.AGE] = belief_age(row, t)
     estimate[estimate_row.STREAK] = row[belief_row.STREAK]
     estimate[estimate_row.SURFACE] = surface_sigma(row)

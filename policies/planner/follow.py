@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from groundcar.motion import board_row
+from kernel.clip import clip
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.planner import params_row as pp
@@ -24,7 +25,7 @@ def command_acceleration(q, vx, vy, vz, ax, ay, az, yaw_rate, tilt, gain, params
     level = math.sqrt(ax * ax + ay * ay)
     if level > most:
         ax, ay = ax * most / level, ay * most / level
-    az = min(climb, max(-climb, az))
+    az = clip(az, -climb, climb)
     fx, fy, fz = (
         ax + params[pp.vehicle.drag] * vx,
         ay + params[pp.vehicle.drag] * vy,
@@ -43,7 +44,7 @@ def face(q, p, board, params):
     if near <= 0.0:
         return 0.0
     rate = params[pp.follow.yaw_k] * yaw_error(q, dx, dy) * min(1.0, near)
-    return min(params[pp.follow.yaw_rate_max], max(-params[pp.follow.yaw_rate_max], rate))
+    return clip(rate, -params[pp.follow.yaw_rate_max], params[pp.follow.yaw_rate_max])
 
 
 @njit
@@ -70,14 +71,14 @@ def keep_in_view(ax, ay, p, board, params):
     backward = max(_PITCH_LEAST, params[pp.vehicle.camera_tilt] + room - below)
     along = ax * dx + ay * dy
     g = GRAVITY
-    kept = min(g * math.tan(min(forward, 1.0)), max(-g * math.tan(min(backward, 1.0)), along))
+    kept = clip(along, -g * math.tan(min(backward, 1.0)), g * math.tan(min(forward, 1.0)))
     return ax + (kept - along) * dx, ay + (kept - along) * dy
 
 
 @njit
 def follow(p, v, q, board, extra, gain, params, out):
     """Fly to the standoff behind and above the board and match its motion; `extra` m is added to the distance."""
-    steep = min(1.0, max(0.0, board[board_row.INCLINATION] / _STEEP))
+    steep = clip(board[board_row.INCLINATION] / _STEEP, 0.0, 1.0)
     away = (
         params[pp.follow.distance_flat] + steep * (params[pp.follow.distance] - params[pp.follow.distance_flat]) + extra
     )
@@ -92,7 +93,7 @@ def follow(p, v, q, board, extra, gain, params, out):
     kp = params[pp.follow.kp]
     gap = math.sqrt(ex * ex + ey * ey)
     slow = min(1.0, params[pp.follow.speed] / max(kp * gap, 1e-6))
-    ux, uy, uz = wx + kp * slow * ex, wy + kp * slow * ey, min(1.5, max(-1.5, kp * ez))
+    ux, uy, uz = wx + kp * slow * ex, wy + kp * slow * ey, clip(kp * ez, -1.5, 1.5)
     kv = params[pp.follow.kv]
     ax, ay = kv * (ux - v[0]) - turn * speed * s, kv * (uy - v[1]) + turn * speed * c
     ax, ay = keep_in_view(ax, ay, p, board, params)

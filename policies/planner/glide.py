@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from groundcar.motion import board_row
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, keep_in_view
@@ -85,7 +86,7 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
     by = acceleration * math.sin(then) + turn * speed * math.cos(then)
     dx, dy = board[board_row.X] - p[0], board[board_row.Y] - p[1]
     distance = math.sqrt(dx * dx + dy * dy)
-    behind = min(1.0, max(0.0, (_BEARING - distance) / (_BEARING - _BEHIND)))
+    behind = clip((_BEARING - distance) / (_BEARING - _BEHIND), 0.0, 1.0)
     sight = (1.0 - behind) / max(distance, 1e-6)
     ux, uy = behind * c + sight * dx, behind * s + sight * dy
     norm = math.sqrt(ux * ux + uy * uy)
@@ -99,7 +100,7 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
     brake = _BRAKE if left > 0.0 and closing < _FASTEST else 0.0
     if away > _NEAR:
         error = math.sqrt(0.5 * side * side + 0.6 * (height - wanted) * (height - wanted))
-        share = min(1.0, max(0.0, 2.0 - error / (_ROOM * (_MARGIN + away))))
+        share = clip(2.0 - error / (_ROOM * (_MARGIN + away)), 0.0, 1.0)
         if age > _UNSEEN and away > _STOP:
             share = 0.0
         closing, brake = closing * share, brake * share * share
@@ -108,11 +109,11 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
     # The reference is fixed to the board, so it moves sideways when the board turns.
     carried = behind * turn
     most = _SIDEWAYS * (_MARGIN + abs(away))
-    stiff = _KP_SIDE * (1.0 + _MORE * min(1.0, max(0.0, 1.0 - height / _LAST)))
+    stiff = _KP_SIDE * (1.0 + _MORE * clip(1.0 - height / _LAST, 0.0, 1.0))
     forward = _KV * (closing - nearing) - brake + carried * turn * away
-    sideways = _KV * (min(most, max(-most, stiff * side)) - carried * away - drift) + 2.0 * carried * nearing
+    sideways = _KV * (clip(stiff * side, -most, most) - carried * away - drift) + 2.0 * carried * nearing
     ax, ay = forward * ux - sideways * uy + bx, forward * uy + sideways * ux + by
-    fall = min(_UPWARD, max(-_UPWARD, _KP_UP * (wanted - height))) - sink * max(0.0, nearing)
+    fall = clip(_KP_UP * (wanted - height), -_UPWARD, _UPWARD) - sink * max(0.0, nearing)
     if height < _LOW:
         fall = max(fall, -_FALL * falling)
     # Alignment levels the vehicle, which leaves drag uncompensated: without this it would fall back and hover.
@@ -123,7 +124,7 @@ def glide(p, v, q, board, acceleration, age, gain, params, out):
     yaw_rate = 0.0
     if distance > _TURN:
         yaw_rate = _YAW_K * yaw_error(q, dx, dy) * min(1.0, distance / _VIEW)
-        yaw_rate = min(_YAW_MOST, max(-_YAW_MOST, yaw_rate))
+        yaw_rate = clip(yaw_rate, -_YAW_MOST, _YAW_MOST)
     if distance > _VIEW:
         yaw_rate -= drift / distance
     command_acceleration(q, v[0], v[1], v[2], ax, ay, _KV_UP * (fall - v[2]), yaw_rate, _TILT, gain, params, out)

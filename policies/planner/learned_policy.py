@@ -10,6 +10,7 @@ from policies.prediction import scratch_row
 from policies.prediction.future import STEP
 from policies.prediction.learned import load_predictor
 from policies.task.interface import BoardView, Command, VehicleView
+from policies.task.unusable import no_command, why_unusable
 from vehicle.quadrotor.airframe import Airframe
 
 
@@ -28,7 +29,9 @@ class LearnedPlannerPolicy(PlannerPolicy):
         self._memory[:] = 0.0
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
-        """One control tick."""
+        """One control tick, as of `PlannerPolicy`."""
+        if why := why_unusable(now_ns, vehicle, board):
+            return no_command(self._engaged, why)
         t, position, velocity, orientation = self._look(now_ns, vehicle, board)
         phase = planner_on_learned(
             self._state, self._memory, t, position, velocity, orientation, self._x, self._estimate, self._future, STEP,

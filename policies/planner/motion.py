@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from kernel.clip import clip
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.estimation.own_state import WAIT
@@ -25,7 +26,7 @@ def fly_motion(m, since, duration, left, p, v, q, board, acceleration, gain, giv
     m of the board's surface along its normal.
     """
     now = min(duration, since)
-    fade = min(1.0, max(0.0, left / max(params[pp.tracking.fade], 1e-6)))
+    fade = clip(left / max(params[pp.tracking.fade], 1e-6), 0.0, 1.0)
     kp, kv = params[pp.tracking.kp] * fade, params[pp.tracking.kv] * fade
     drag, g = params[pp.vehicle.drag], GRAVITY
     ahead, soon = (

@@ -7,6 +7,7 @@ float64 row (`state_row`); how well the board is known is another (`estimate_row
 from __future__ import annotations
 
 from groundcar.motion import board_row
+from kernel.clip import clip
 from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.estimation import belief_state, thrust_row
@@ -86,7 +87,7 @@ def _step(state, t, p, v, q, board, estimate, future, step, params, out):
         error, rate = fly_runup(left, resting, p, v, q, board, state[state_row.ACCELERATION], gain, params, out)
         state[state_row.AWAY] = error + 0.3 * rate
     elif phase == phases.FOLLOW:
-        follow(p, v, q, board, 0.8 * min(2.0, max(0.0, estimate[estimate_row.AGE] - 0.3)), gain, params, out)
+        follow(p, v, q, board, 0.8 * clip(estimate[estimate_row.AGE] - 0.3, 0.0, 2.0), gain, params, out)
     elif phase == phases.AROUND:
         climb_away(p, v, q, board, gain, params, out)
     elif phase == phases.GLIDE:

@@ -14,6 +14,7 @@ from policies.planner.params import PlannerParams
 from policies.planner.planner import planner_on_estimate, planner_reset
 from policies.prediction.future import HORIZON, STEP
 from policies.task.interface import BoardView, Command, Vec3, VehicleView
+from policies.task.unusable import no_command, why_unusable
 from vehicle.quadrotor import command_row
 from vehicle.quadrotor.airframe import Airframe
 
@@ -55,7 +56,9 @@ class PlannerPolicy:
         planner_reset(self._state, 0.0)
 
     def step(self, now_ns: int, vehicle: VehicleView, board: BoardView) -> Command:
-        """One control tick."""
+        """One control tick. What cannot be used of odometry or belief gives no command (policies/task/unusable.py)."""
+        if why := why_unusable(now_ns, vehicle, board):
+            return no_command(self._engaged, why)
         t, position, velocity, orientation = self._look(now_ns, vehicle, board)
         phase = planner_on_estimate(
             self._state, t, position, velocity, orientation, self._x, self._estimate, self._future, STEP, self._params,
@@ -64,7 +67,12 @@ class PlannerPolicy:
         return self._command(phase)
 
     def flown(self, body_rate: Vec3, thrust: float) -> None:
-        """The command after guidance, rad/s and m/s^2: the thrust gain is estimated from it."""
+        """The command after guidance, rad/s and m/s^2: the thrust gain is estimated from it.
+
+        One that is not finite was not flown, and is ignored.
+        """
+        if not math.isfinite(sum(body_rate) + thrust):
+            return
         asked = state_row.ASKED
         self._state[asked : asked + 3], self._state[asked + 3] = body_rate, thrust
 

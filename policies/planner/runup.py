@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from groundcar.motion import board_row
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.planner import params_row as pp
 from policies.planner.follow import command_acceleration, face, keep_in_view
@@ -27,7 +28,7 @@ _STEADY = 0.3  # m/s, range of speeds below which no moment is better than anoth
 @njit
 def runs_up(board, params):
     """True for a board so steep for its speed that it takes a run-up: a slow one can be met from any side."""
-    slow = min(1.0, max(0.0, 1.0 - (abs(board[board_row.SPEED]) - _SLOW) / (_FAST - _SLOW)))
+    slow = clip(1.0 - (abs(board[board_row.SPEED]) - _SLOW) / (_FAST - _SLOW), 0.0, 1.0)
     return board[board_row.INCLINATION] >= params[pp.run_up.inclination] + params[pp.run_up.inclination_slow] * slow
 
 
@@ -62,7 +63,7 @@ def _rise(inclination, params):
     time = runup_time(inclination, params)
     away = vx * time - 0.5 * vx * vx / params[pp.run_up.acceleration] - x
     seen = 2.0 * (away * math.tan(_LOOK_DOWN) - z + vz * time) / (time * time)
-    return min(params[pp.run_up.rise], max(0.0, seen))
+    return clip(seen, 0.0, params[pp.run_up.rise])
 
 
 @njit

@@ -10,6 +10,7 @@ import math
 
 from groundcar.motion import board_row
 from groundcar.motion.pose import board_normal
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.estimation import belief_state
 from policies.planner import params_row as pp
@@ -33,7 +34,7 @@ def _drift(start, board, vx, vy, ax, ay, duration, params):
     Late corrections across the board tilt the vehicle when it has to turn up, and the board is wide: the nearer contact
     is, the more the motion ends where the vehicle drifts anyway, by up to `Contact.miss`. `vx`..`ay`: the motion's end.
     """
-    free = min(1.0, max(0.0, 2.0 - 2.0 * duration / max(params[pp.contact.aim], 1e-6)))
+    free = clip(2.0 - 2.0 * duration / max(params[pp.contact.aim], 1e-6), 0.0, 1.0)
     if free <= 0.0:
         return 0.0
     ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
@@ -41,7 +42,7 @@ def _drift(start, board, vx, vy, ax, ay, duration, params):
     bend = duration * duration / 12.0
     dx = start[0] + mean_x + bend * (start[6] - ax) - board[board_row.X]
     dy = start[1] + mean_y + bend * (start[7] - ay) - board[board_row.Y]
-    return free * min(params[pp.contact.miss], max(-params[pp.contact.miss], dy * ch - dx * sh))
+    return free * clip(dy * ch - dx * sh, -params[pp.contact.miss], params[pp.contact.miss])
 
 
 @njit
@@ -121,7 +122,7 @@ def motion_cost(motion, duration, future, step, offset, low, high, params, limit
             cost += params[pp.weights.clearance] * short * short * dt
             if left > params[pp.search.blind]:
                 # Angle of the board below the body's x-y plane, if the vehicle faces the board.
-                below = math.asin(min(1.0, max(-1.0, (dx * zx + dy * zy + dz * zz) / max(distance, 1e-6))))
+                below = math.asin(clip((dx * zx + dy * zy + dz * zz) / max(distance, 1e-6), -1.0, 1.0))
                 out = max(0.0, abs(below - params[pp.vehicle.camera_tilt]) - params[pp.search.half_view])
                 facing = max(0.0, 0.2 - height / max(distance, 1e-6))
                 # A gap in the view costs with its square: the board's motion meanwhile has to be corrected at once.

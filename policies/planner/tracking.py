@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from kernel.clip import command_within
 from kernel.jit import njit
 from kernel.rotations import body_z, rotate_back
 from policies.planner import params_row as pp
@@ -16,7 +17,7 @@ def track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, p
 
     `q` (4,) world from body; `f` wanted specific force now (world, m/s^2, gravity added); `g`, `j` the specific force
     and its derivative one rate lag ahead: they feed the rate forward; `yaw_rate` about body z; `thrust` wanted m/s^2;
-    `gain` achieved over commanded thrust. Rates and thrust are clipped to the limits.
+    `gain` achieved over commanded thrust. Rates and thrust are clipped to the limits, but NaN where not finite.
     """
     zx, zy, zz = body_z(q)
     norm = max(1e-6, math.sqrt(fx * fx + fy * fy + fz * fz))
@@ -30,10 +31,11 @@ def track_force(q, fx, fy, fz, gx, gy, gz, jx, jy, jz, yaw_rate, thrust, gain, p
     rx, ry, rz = (uy * jz - uz * jy) / ahead, (uz * jx - ux * jz) / ahead, (ux * jy - uy * jx) / ahead
     wx, wy, _ = rotate_back(q, turn * cx + rx, turn * cy + ry, turn * cz + rz)
     limit = params[pp.vehicle.rate_max]
-    out[command_row.RATE] = min(limit, max(-limit, wx))
-    out[command_row.RATE + 1] = min(limit, max(-limit, wy))
-    out[command_row.RATE + 2] = min(limit, max(-limit, yaw_rate))
-    out[command_row.THRUST] = min(params[pp.vehicle.thrust_max], max(params[pp.vehicle.thrust_min], thrust / gain))
+    out[command_row.RATE] = command_within(wx, -limit, limit)
+    out[command_row.RATE + 1] = command_within(wy, -limit, limit)
+    out[command_row.RATE + 2] = command_within(yaw_rate, -limit, limit)
+    least, most = params[pp.vehicle.thrust_min], params[pp.vehicle.thrust_max]
+    out[command_row.THRUST] = command_within(thrust / gain, least, most)
 
 
 @njit

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from groundcar.motion import board_row
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.estimation import belief_state
 from policies.prediction import input_row, net_row, past_row, scratch_row
@@ -44,8 +45,13 @@ def predictor_clear(history):
 def predictor_push(history, t, x, age):
     """Append the believed board `x` ((8,): board row, last entry acceleration) at `t` s, every SAMPLE s.
 
-    Call it at every tick at which the belief is valid; `age` s of the newest exposure. A gap starts the history anew.
+    Call it at every tick at which the belief is valid; `age` s of the newest exposure. A gap starts the history anew. A
+    board that is not finite is ignored.
     """
+    if not math.isfinite(x[belief_state.X] + x[belief_state.Y] + x[belief_state.SPEED] + x[belief_state.TURN_RATE]):
+        return
+    if not math.isfinite(t + age + x[belief_state.ACCELERATION]):
+        return
     if history[past_row.COUNT] > 0.0:
         since = t - history[past_row.TIME]
         if 0.0 <= since < SAMPLE - 1e-6:
@@ -90,8 +96,8 @@ def predictor_inputs(history, t, x, sigma, speed_sigma, age, streak, out):
             scale = 0.5 / ((older - lag) * SAMPLE)
             dx = scale * (history[e + past_row.X] - history[o + past_row.X])
             dy = scale * (history[e + past_row.Y] - history[o + past_row.Y])
-            out[at + input_row.ALONG] = min(3.0, max(-3.0, c * dx + s * dy))
-            out[at + input_row.ACROSS] = min(3.0, max(-3.0, c * dy - s * dx))
+            out[at + input_row.ALONG] = clip(c * dx + s * dy, -3.0, 3.0)
+            out[at + input_row.ACROSS] = clip(c * dy - s * dx, -3.0, 3.0)
     now = input_row.NOW
     out[now + input_row.SPEED] = 0.5 * x[belief_state.SPEED]
     out[now + input_row.TURN_RATE] = x[belief_state.TURN_RATE]
@@ -100,7 +106,7 @@ def predictor_inputs(history, t, x, sigma, speed_sigma, age, streak, out):
     out[now + input_row.SIGMA] = min(1.0, 10.0 * sigma)
     out[now + input_row.SPEED_SIGMA] = min(2.0, 2.0 * speed_sigma)
     out[now + input_row.STREAK] = min(1.0, streak / 40.0)
-    out[now + input_row.SINCE] = 20.0 * min(SAMPLE, max(0.0, t - history[past_row.TIME]))
+    out[now + input_row.SINCE] = 20.0 * clip(t - history[past_row.TIME], 0.0, SAMPLE)
 
 
 @njit
@@ -139,7 +145,7 @@ def base_motion(speed, turn_rate, acceleration, ahead):
     """(speed, turn rate) `ahead` s from now of a car that keeps its curvature and whose acceleration decays."""
     then = speed + acceleration * TAU * (1.0 - math.exp(-ahead / TAU))
     if abs(speed) > _BEND_FROM:
-        return then, turn_rate * min(2.0, max(-1.0, then / speed))
+        return then, turn_rate * clip(then / speed, -1.0, 2.0)
     return then, turn_rate
 
 
@@ -149,7 +155,7 @@ def predictor_trust(net, history, age):
     seen = history[past_row.COUNT] * SAMPLE
     known = (seen - net[net_row.SHORT]) / (net[net_row.LONG] - net[net_row.SHORT])
     fresh = (net[net_row.OLD] - age) / (net[net_row.OLD] - net[net_row.FRESH])
-    return min(1.0, max(0.0, known)) * min(1.0, max(0.0, fresh))
+    return clip(known, 0.0, 1.0) * clip(fresh, 0.0, 1.0)
 
 
 @njit
@@ -203,10 +209,10 @@ def predict_learned(history, t, x, sigma, speed_sigma, age, streak, step, net, s
             scratch_row.OUTPUT + net_row.KNOTS + knot + 1
         ]
         row = future[k]
-        row[board_row.SPEED] += most * trust * (min(4.0, max(-4.0, speed)) - row[board_row.SPEED])
-        row[board_row.TURN_RATE] += trust * (min(2.5, max(-2.5, turn)) - row[board_row.TURN_RATE])
+        row[board_row.SPEED] += most * trust * (clip(speed, -4.0, 4.0) - row[board_row.SPEED])
+        row[board_row.TURN_RATE] += trust * (clip(turn, -2.5, 2.5) - row[board_row.TURN_RATE])
     integrate_rows(step, future)
-    return trust, math.exp(min(1.0, max(-5.0, scratch[scratch_row.DIM - 1])))
+    return trust, math.exp(clip(scratch[scratch_row.DIM - 1], -5.0, 1.0))
 
 
 def interpolation(rows: int = HORIZON, step: float = STEP) -> np.ndarray:

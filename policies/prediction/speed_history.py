@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from kernel.clip import clip
 from kernel.jit import njit
 from policies.prediction import oscillation_row, speeds_row
 
@@ -39,8 +40,11 @@ def history_clear(history):
 def history_push(history, t, speed):
     """Append the believed `speed` (m/s, signed) at `t` (s) if the last entry is SAMPLE old.
 
-    A gap is filled with a straight line, so that entries stay SAMPLE apart; one of more than _GAP clears.
+    A gap is filled with a straight line, so that entries stay SAMPLE apart; one of more than _GAP clears. A number that
+    is not finite is ignored.
     """
+    if not math.isfinite(t + speed):
+        return
     count = 1
     if history[speeds_row.COUNT] > 0.0:
         count = int((t - history[speeds_row.TIME]) / SAMPLE + 1e-6)
@@ -156,7 +160,7 @@ def fit_oscillation(history, tau, fit):
     if not fitted:
         fit[oscillation_row.SURPRISE] = math.sqrt(held / _BACK)
         return
-    trust = min(1.0, max(0.0, 1.2 * (1.0 - oscillating / (held + _BACK * _NOISE * _NOISE))))
+    trust = clip(1.2 * (1.0 - oscillating / (held + _BACK * _NOISE * _NOISE)), 0.0, 1.0)
     _fit(history, 0, fit)
     fit[oscillation_row.TRUST] = trust
     fit[oscillation_row.SURPRISE] = math.sqrt((trust * oscillating + (1.0 - trust) * held) / _BACK)

@@ -21,6 +21,7 @@ import math
 import numpy as np
 
 from groundcar.motion import board_row
+from kernel.clip import clip, command_within
 from kernel.jit import njit
 from policies.task import entry_row, history_row, tail_row
 from vehicle.quadrotor import command_row, limits_row
@@ -153,23 +154,25 @@ def build_observation(row, p, v, q, rho, previous, gain, drag, sigma, stride, no
 def command_from_action(action, limits, out):
     """Normalised action (4,), clipped to [-1, 1], to CTBR `out` (4,): body rate rad/s (3), thrust m/s^2.
 
+    NaN where the action is not finite.
+
     `limits` (limits_row.DIM,): what may be asked of the vehicle (paper Eq. of the CTBR action).
     """
     for i in range(3):
-        out[i] = limits[limits_row.BODY_RATE] * min(1.0, max(-1.0, action[i]))
-    thrust = min(1.0, max(-1.0, action[command_row.THRUST]))
+        out[i] = limits[limits_row.BODY_RATE] * command_within(action[i], -1.0, 1.0)
+    thrust = command_within(action[command_row.THRUST], -1.0, 1.0)
     low, high = limits[limits_row.THRUST_MIN], limits[limits_row.THRUST_MAX]
     out[command_row.THRUST] = 0.5 * (1.0 - thrust) * low + 0.5 * (1.0 + thrust) * high
 
 
 @njit
 def action_from_command(command, limits, out):
-    """Inverse of `command_from_action`, clipped to [-1, 1]."""
+    """Inverse of `command_from_action`, clipped to [-1, 1]; NaN stays NaN."""
     for i in range(3):
-        out[i] = min(1.0, max(-1.0, command[i] / limits[limits_row.BODY_RATE]))
+        out[i] = clip(command[i] / limits[limits_row.BODY_RATE], -1.0, 1.0)
     low, high = limits[limits_row.THRUST_MIN], limits[limits_row.THRUST_MAX]
     middle, half = 0.5 * (high + low), 0.5 * (high - low)
-    out[command_row.THRUST] = min(1.0, max(-1.0, (command[command_row.THRUST] - middle) / half))
+    out[command_row.THRUST] = clip((command[command_row.THRUST] - middle) / half, -1.0, 1.0)
 
 
 class ObservationBuilder:

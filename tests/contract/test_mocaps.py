@@ -6,12 +6,13 @@ import time
 
 import pytest
 
-from hil.contract.messages import Stage
+from hil.contract.messages import CarFeedback, Stage
 from hil.contract.node import Inbox
 from hil.nodes.mocap_device import MocapDevice
 from hil.wires import WireError
 from hil.wires.mocap_vrpn import BodyPose, VrpnMocap
 from tests.contract.vrpn_server import VrpnServer
+from vehicle.mocap.agreement import BoardSetting
 
 MS = 1_000_000
 INCLINED = (0.0, -math.sin(0.4), 0.0, math.cos(0.4))  # x, y, z, w: a board at 46 deg that faces back along x
@@ -177,3 +178,70 @@ def test_lost_motion_capture_is_reported_and_ends_the_service():
     assert node.counters["motion capture systems lost"] == 1
     with pytest.raises(WireError, match="is silent"):
         step(node, 12 * MS)
+
+
+SET = BoardSetting(0.8, 1.5, 25.0)
+STANDING = ("board", 2 * MS, (2.0, 0.0, 1.5), (math.cos(0.4), 0.0, -math.sin(0.4), 0.0))
+
+
+def run(poses, seconds=1.5, stage="prepare", feedback=None, setting=SET):
+    """Events of a node that gets the poses of `poses(t)` at 100 Hz, until it raises."""
+    wire, events = FakeWire(), []
+    node = MocapDevice(wire, "quad", "board", setting)
+    for k in range(round(seconds * 100)):
+        now = (1000 + 10 * k) * MS
+        wire.poses = [BodyPose(*pose) for pose in poses(0.01 * k)]
+        inbox = Inbox(node.inputs)
+        inbox.put("run/stage", Stage(now, stage, 1, 1))
+        if feedback is not None:
+            inbox.put("car/feedback", CarFeedback(now, *feedback, "can", 26.0, "", 0))
+        try:
+            events += [out.message for out in node.step(now, inbox) if out.topic == "event"]
+        except WireError as error:
+            return [*events, str(error)]
+    return events
+
+
+def test_board_that_is_set_as_the_scenario_says_is_published():
+    assert run(lambda t: [STANDING]) == []
+    driven = ("board", 2 * MS, None, STANDING[3])
+    assert run(lambda t: [(*driven[:2], (2.0 + t, 0.0, 1.5), driven[3])], feedback=(1.0, 0.0)) == []
+
+
+@pytest.mark.parametrize(
+    ("pose", "reason"),
+    [
+        (((2000.0, 0.0, 1500.0), STANDING[3]), "millimetres"),
+        (((2.0, 0.0, 1.5), (1.0, 0.0, 0.0, 0.0)), "inclined by 0 deg"),
+        (((2.0, 1.5, 0.0), STANDING[3]), "0.00 m high"),
+    ],
+)
+def test_board_that_is_not_the_one_that_is_set_ends_the_service(pose, reason):
+    event, raised = run(lambda t: [("board", 2 * MS, *pose)])
+    assert (event.severity, reason in event.text) == ("error", True)
+    assert raised == event.text
+    assert run(lambda t: [("board", 2 * MS, *pose)], stage="attempt") == [], "too late to refuse"
+    assert run(lambda t: [("board", 2 * MS, *pose)], setting=None) == []
+
+
+@pytest.mark.parametrize(
+    ("feedback", "reason"),
+    [((-1.0, 0.0), "moves at 1.00 m/s along its heading, the car's wheels at -1.00"), ((0.0, 0.0), "at 0.00")],
+)
+def test_board_that_does_not_move_as_the_wheels_ends_the_service(feedback, reason):
+    moving = lambda t: [(*STANDING[:2], (2.0 + t, 0.0, 1.5), STANDING[3])]  # noqa: E731
+    event, _ = run(moving, stage="lead", feedback=feedback)
+    assert reason in event.text
+
+
+def test_pose_stamped_later_than_now_is_reported_once_and_later_ones_are_used():
+    wire, node = fake()
+    wire.poses = [BodyPose("quad", -3_600_000 * MS, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))]
+    (out,) = step(node, 10 * MS)
+    assert (out.topic, "later than now" in out.message.text) == ("event", True)
+    wire.poses = [BodyPose("quad", -3_600_000 * MS, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))]
+    assert step(node, 20 * MS) == []
+    wire.poses = [BodyPose("quad", 2 * MS, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))]
+    (out,) = step(node, 30 * MS)
+    assert out.topic == "mocap/vehicle"
+    assert node.counters["poses of motion capture rejected"] == 2

@@ -1,4 +1,4 @@
-"""The board's pose from one picture: search regions, selection of tags, choice between two ambiguous poses."""
+"""The board's pose from one picture: search regions, the tags of one board, choice between two ambiguous poses."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from groundcar.board.layout import TAG_MODULES, Board
 from kernel.rotations import from_matrix
+from vehicle.apriltag.boards import choose_board, split_boards
 from vehicle.apriltag.library import Tag, TagDetector
 from vehicle.apriltag.pose import PoseFit, fit_poses
 from vehicle.apriltag.region import Region
@@ -57,7 +58,7 @@ class BoardPose:
     """
 
     found: bool
-    # Empty if found: no tag, border, duplicate, no fit, residual, uncertain normal, ambiguous, not searched
+    # Empty if found: no tag, border, no fit, residual, uncertain normal, ambiguous, not searched
     reason: str
     R: np.ndarray
     p: np.ndarray
@@ -67,9 +68,10 @@ class BoardPose:
     lateral_sigma: float
     depth_sigma: float
     orientation_sigma: float
-    duplicates: int  # ids that were seen twice and therefore not used
+    duplicates: int  # ids that were seen more than once
     region: tuple[int, int, int, int]  # last region searched: u0, v0, u1, v1
     work_px: float  # pixels looked at after decimation, all searches: the measure of processing time
+    boards: int = 1  # in view, as far as tags of one id tell; the pose is that of the one that is meant
 
     @property
     def position_sigma(self) -> float:
@@ -144,8 +146,12 @@ class BoardDetector:
         used: list[tuple[int, np.ndarray]] = []
         for tag in seen:
             pixels = tag.corners + corner
-            if counts[tag.id] == 1 and self._inside(pixels, s.border_px + 1.5 * region.decimate):
+            if self._inside(pixels, s.border_px + 1.5 * region.decimate):
                 used.append((tag.id, pixels))
+        boards = [used]
+        if duplicates and used:
+            boards = split_boards(used, known, self._matrix, self._fit)
+            used = choose_board(boards, self._fit, prior, up)
 
         def outcome(
             reason: str, fit: PoseFit | None = None, sigmas: tuple[float, float, float] = (math.nan, math.nan, math.nan)
@@ -154,11 +160,11 @@ class BoardDetector:
             R, p = (fit.R, fit.p) if found and fit else (np.full((3, 3), np.nan), _NO_POSE)
             return BoardPose(
                 found, reason, R, p, tuple(i for i, _ in used), np.array([c for _, c in used]).reshape(-1, 4, 2),
-                fit.rms if fit else math.nan, *sigmas, duplicates, box, work,
+                fit.rms if fit else math.nan, *sigmas, duplicates, box, work, len(boards),
             )  # fmt: skip
 
         if not used:
-            return outcome("duplicate" if duplicates else "border" if seen else "no tag")
+            return outcome("border" if seen else "no tag")
         fits = self._fit(used, prior)
         if not fits:
             return outcome("no fit")
@@ -180,7 +186,7 @@ class BoardDetector:
             return outcome("uncertain normal", fit, (lateral, depth, orientation))
         return outcome("", fit, (lateral, depth, orientation))
 
-    def _fit(self, used: list[tuple[int, np.ndarray]], prior: tuple | None) -> list[PoseFit]:
+    def _fit(self, used: list[tuple[int, np.ndarray]], prior: tuple | None = None) -> list[PoseFit]:
         points = np.concatenate([self.board.corners_by_id[i] for i, _ in used])
         s, sigmas = self.settings, []
         for _, corners in used:

@@ -11,7 +11,9 @@ from collections import deque
 
 import numpy as np
 
+from kernel.clip import usable
 from kernel.rotations import conjugate, multiply, to_rotation_vector
+from kernel.stamps import later_than_now
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
@@ -26,13 +28,17 @@ class BodyMotion:
     def __init__(self) -> None:
         self._poses: deque[tuple[int, Vec3, Quat]] = deque(maxlen=SAMPLES)
 
-    def add(self, stamp_ns: int, position: Vec3, orientation: Quat) -> tuple[Vec3, Vec3] | None:
+    def add(
+        self, stamp_ns: int, position: Vec3, orientation: Quat, now_ns: int | None = None
+    ) -> tuple[Vec3, Vec3] | None:
         """Velocity (m/s, world) and body rate (rad/s, body) at this newest pose: m (world), wxyz (world from body).
 
-        None for a pose that is not finite, no rotation, or not newer than the last one.
+        None for a pose that is not finite, no rotation, or not newer than the last one; and for one stamped later than
+        `now_ns`, its time of arrival, as it would have all others refused until then.
         """
-        numbers = (*position, *orientation)
-        if not all(map(math.isfinite, numbers)) or not 0.9 < math.hypot(*orientation) < 1.1:
+        if not usable((*position, *orientation)) or not 0.9 < math.hypot(*orientation) < 1.1:
+            return None
+        if now_ns is not None and later_than_now(stamp_ns, now_ns):
             return None
         if self._poses:
             passed = stamp_ns - self._poses[-1][0]

@@ -5,6 +5,7 @@ Nothing here branches: where nothing saturates every relief is 0, and a loop ove
 
 from __future__ import annotations
 
+from kernel.clip import clip
 from kernel.jit import njit
 
 # Which way each motor's command goes for more of it.
@@ -84,8 +85,8 @@ def mix(roll, pitch, yaw, thrust, a, b):
     u = _desaturate(_desaturate(u, _ROLL, 1.0), _PITCH, 1.0)
     u = _lower(_desaturate(_along(u, _YAW, b * yaw), _YAW, 1.15))
     return (
-        min(1.0, max(0.0, u[0])),
-        min(1.0, max(0.0, u[1])),
-        min(1.0, max(0.0, u[2])),
-        min(1.0, max(0.0, u[3])),
+        clip(u[0], 0.0, 1.0),
+        clip(u[1], 0.0, 1.0),
+        clip(u[2], 0.0, 1.0),
+        clip(u[3], 0.0, 1.0),
     )

@@ -8,6 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kernel.clip import usable
+from kernel.stamps import later_than_now
+
+_UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
+
 
 class PoseAt(NamedTuple):
     """Interpolated vehicle state: position m and velocity m/s (world ENU), orientation wxyz (world from body FLU)."""
@@ -26,9 +31,17 @@ class PoseHistory:
         self._stamps: deque[int] = deque()
         self._poses: deque[PoseAt] = deque()
 
-    def add(self, stamp_ns: int, pose: PoseAt) -> bool:
-        """Append a sample; False (and nothing kept) if it is not finite or not newer than the last."""
-        if (self._stamps and stamp_ns <= self._stamps[-1]) or not all(np.isfinite(part).all() for part in pose):
+    def add(self, stamp_ns: int, pose: PoseAt, now_ns: int | None = None) -> bool:
+        """Append a sample; False (and nothing kept) for one that cannot be used.
+
+        That is one that is not finite, has no unit quaternion, or is not newer than the last; and one stamped later
+        than `now_ns`, its time of arrival, as it would have all others refused until then.
+        """
+        if now_ns is not None and later_than_now(stamp_ns, now_ns):
+            return False
+        if self._stamps and stamp_ns <= self._stamps[-1]:
+            return False
+        if not all(usable(part) for part in pose) or abs(np.linalg.norm(pose.orientation) - 1.0) > _UNIT_NORM:
             return False
         self._stamps.append(stamp_ns)
         self._poses.append(pose)

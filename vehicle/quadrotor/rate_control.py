@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from kernel.clip import clip
 from kernel.jit import njit
 from vehicle.quadrotor import airframe_row, command_row, state_row
 from vehicle.quadrotor.airframe import GRAVITY
@@ -45,7 +46,7 @@ def _law(rate, accel, integral, setpoint, up, down, gains, dt):
     wound = error * (up if error > 0.0 else down)
     faded = wound * _PER_FADE
     integral += max(0.0, 1.0 - faded * faded) * k * i * wound * dt
-    return min(1.0, max(-1.0, torque)), min(limit, max(-limit, integral))
+    return clip(torque, -1.0, 1.0), clip(integral, -limit, limit)
 
 
 @njit(inline="always")
@@ -119,7 +120,7 @@ def rate_step(s, k, setpoint, thrust, p, c, dt):
 
     `setpoint`: body rates (3-tuple, rad/s, FLU), NaN means "keep the present rate", as for PX4; `thrust` 0..1.
     """
-    return allocate(s, k, torques(s, k, setpoint, p, c, dt), min(1.0, max(0.0, thrust)), p)
+    return allocate(s, k, torques(s, k, setpoint, p, c, dt), clip(thrust, 0.0, 1.0), p)
 
 
 @njit
@@ -156,7 +157,7 @@ def fly_normalised(row, rate_x, rate_y, rate_z, thrust, params, dt, substeps):
 @njit
 def normalised_thrust(thrust, params):
     """Command 0..1 for a mass-normalised collective thrust (m/s^2), by the nominal hover thrust of the airframe row."""
-    return min(1.0, max(0.0, thrust * params[airframe_row.HOVER_THRUST] / GRAVITY))
+    return clip(thrust * params[airframe_row.HOVER_THRUST] / GRAVITY, 0.0, 1.0)
 
 
 @njit

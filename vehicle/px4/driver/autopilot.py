@@ -17,6 +17,7 @@ from vehicle.px4.driver.texts import Texts
 from vehicle.px4.driver.types import LinkConfig, Odometry
 
 _SECOND = 1_000_000_000
+_OFFSET_ERROR_NS = 50_000_000  # of a SITL that lags; what is later than now by more is broken
 _ACK_BEFORE_HEARTBEAT_NS = 500_000_000  # a HEARTBEAT may carry the state from before an ACK for that long
 
 
@@ -144,9 +145,11 @@ class Autopilot:
         stamp = self.clock.ours(px4_ns)
         if stamp is None:
             return
+        later_ns = stamp - now_ns
         stamp = min(stamp, now_ns)
         numbers = (f.x, f.y, f.z, f.vx, f.vy, f.vz, *f.q, f.rollspeed, f.pitchspeed, f.yawspeed)
         usable = all(map(math.isfinite, numbers)) and 0.9 < math.hypot(*f.q) < 1.1
+        usable = usable and later_ns < _OFFSET_ERROR_NS
         if not usable or (self.odometry is not None and stamp <= self.odometry.stamp_ns):
             self.bad_odometry += 1
             return

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections import deque
 
 _LONGEST_TRIP_NS = 500_000_000
+# Two answers that contradict each other by more than that, and that share of the time between them, are no drift: one
+# of them is broken. A simulated PX4 may stand still and catch up.
+_CONTRADICTION_NS, _FASTEST = 100_000_000, 20.0
+_AGREED = 3  # answers in a row that contradict the ones before it: then those are given up
 
 
 class ClockOffset:
@@ -21,11 +25,13 @@ class ClockOffset:
         self.offset_ns: int | None = fixed_ns
         self.round_trip_ns = 0
         self.rejected = 0
+        self._contradictions = 0
 
     def add(self, sent_ns: int, px4_ns: int, now_ns: int) -> None:
         """A TIMESYNC answer: requested at `sent_ns`, stamped `px4_ns` by PX4, received at `now_ns`.
 
-        Answers with a negative or an over-long round trip are rejected and counted.
+        Answers with a negative or an over-long round trip are rejected and counted; so is one that contradicts the
+        last one beyond any drift: it would put the stamps of all data hours off.
         """
         round_trip = now_ns - sent_ns
         if not 0 <= round_trip < _LONGEST_TRIP_NS:
@@ -35,6 +41,13 @@ class ClockOffset:
         if self._fixed:
             return
         offset = px4_ns - (sent_ns + now_ns) // 2
+        if self._contradicts(now_ns, round_trip, offset):
+            self._contradictions += 1
+            if self._contradictions < _AGREED:
+                self.rejected += 1
+                return
+            self._samples.clear()
+        self._contradictions = 0
         drift = max((self._proven(now_ns, round_trip, offset, old) for old in self._samples), default=0.0)
         drift = max(drift, self._drift)
         self._samples.append((now_ns, round_trip, offset))
@@ -44,6 +57,13 @@ class ClockOffset:
             return 0.5 * trip + drift * (now_ns - then)
 
         self.offset_ns = min(reversed(self._samples), key=bound)[2]
+
+    def _contradicts(self, now_ns: int, round_trip: int, offset: int) -> bool:
+        if not self._samples:
+            return False
+        then, trip, old_offset = self._samples[-1]
+        beyond = abs(offset - old_offset) - 0.5 * (trip + round_trip)
+        return beyond > _CONTRADICTION_NS + _FASTEST * (now_ns - then)
 
     @staticmethod
     def _proven(now_ns: int, round_trip: int, offset: int, old: tuple[int, int, int]) -> float:

@@ -8,7 +8,7 @@ from kernel.rotations import yaw
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import Frame
 from vehicle.px4.driver.arming import Arming, Identity
-from vehicle.px4.driver.core import SECOND, LinkCore
+from vehicle.px4.driver.core import BEFORE_FLIGHT, SECOND, LinkCore
 from vehicle.px4.driver.send import ByteWire
 from vehicle.px4.driver.types import LinkConfig
 
@@ -37,6 +37,11 @@ class GroundPhases(LinkCore):
         """
         if not self._config.arm:
             self._arming = arming
+
+    def refuse_arming(self) -> None:
+        """Give up while waiting for `allow_arming`: phase failed."""
+        if self.phase in BEFORE_FLIGHT:
+            self._enter("failed")
 
     def _step_connect(self, now_ns: int) -> None:
         autopilot = self._autopilot

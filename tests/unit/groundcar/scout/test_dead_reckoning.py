@@ -52,3 +52,11 @@ def test_old_and_non_finite_reports_are_ignored(stamp, speed):
     found.add(20 * MS, 1.0, 0.0)
     found.add(stamp, speed, 0.0)
     assert found.board_row(40 * MS)[board_row.X] == pytest.approx(0.04)
+
+
+def test_report_stamped_later_than_now_is_ignored_and_does_not_block_later_ones():
+    found = DeadReckoning((0.0, 0.0, 0.0), 1.5, 0.7)
+    found.add(0, 1.0, 0.0, 0)
+    found.add(3_600_000 * MS, 5.0, 0.0, 10 * MS)
+    found.add(20 * MS, 1.0, 0.0, 20 * MS)
+    assert found.board_row(40 * MS)[board_row.X] == pytest.approx(0.04)

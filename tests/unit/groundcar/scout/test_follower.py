@@ -197,3 +197,16 @@ def test_acceleration_helper_agrees_with_the_reference_s_ramp():
         v = accelerate(v, 2.0, RAMP, 0.01)
         ref, _ = follower.step(10 * k * MS, 0.0, 0.0, 0.0, 0.0, 0.0)
         assert ref.speed == pytest.approx(v)
+
+
+def test_measurement_stamped_later_than_now_raises():
+    follower = Follower(*CASES["spline"], stream(0, 2))
+    with pytest.raises(ValueError, match="later than now"):
+        follower.step(1_000 * MS, 0.0, 0.0, 0.0, 0.0, 0.0, stamp_ns=1_006 * MS)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_following_a_pose_that_is_not_a_number_gives_no_bound(number):
+    pose = [0.1, 0.2, 0.3]
+    pose[number] = math.nan
+    assert any(map(math.isnan, follow(row(), row(speed=1.0, turn_rate=0.1), *pose, GAINS)))

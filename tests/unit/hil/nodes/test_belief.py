@@ -75,3 +75,18 @@ def test_a_detection_that_is_not_finite_is_counted_and_the_belief_stays_finite()
     assert after.rejected == before.rejected + 1
     assert after.accepted == before.accepted
     assert all(map(math.isfinite, (*after.position, after.heading, after.speed, after.rho, *after.variance)))
+
+
+def test_detection_stamped_later_than_now_is_reported_once_and_later_ones_are_used():
+    node = BeliefNode(BoardFilter())
+    for frame in range(10):
+        (belief,) = step(node, (frame * 33 + 60) * MS, detection(frame * 33 * MS))
+    late = 3_600_000 * MS
+    event, after = step(node, 370 * MS, detection(late))
+    assert (event.severity, "later than now" in event.text) == ("warning", True)
+    assert (after.accepted, after.rejected, after.valid) == (belief.accepted, 1, True)
+    (again,) = step(node, 380 * MS, detection(late + MS))
+    assert again.rejected == 2
+    (used,) = step(node, 390 * MS, detection(330 * MS))
+    assert used.accepted == belief.accepted + 1
+    assert node.counters["detections refused, stamped later than now"] == 2

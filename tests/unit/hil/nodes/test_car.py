@@ -1,6 +1,7 @@
 """The car's nodes: what drives it, and the driver with its gate, against the software Scout where that matters."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -198,3 +199,16 @@ def test_follower_ignores_a_non_finite_measurement():
     node = CarFollower(FakeFollower())
     bad = ("mocap/board", BoardState(S, (math.nan, 0.0, 0.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0))
     assert node.step(S, filled(node, bad, ("run/stage", Stage(S, "attempt", S, S)))) == []
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"stamp_ns": S + 6 * MS}, {"stamp_ns": 2**62}, {"stamp_ns": -MS}, {"speed": 1e300}, {"heading": math.inf}],
+)
+def test_follower_does_not_drive_by_a_measurement_that_cannot_be_used(changes):
+    node = CarFollower(FakeFollower())
+    topic, sound = board(S, 2.0)
+    stage = ("run/stage", Stage(S, "attempt", S, S))
+    assert node.step(S, filled(node, (topic, replace(sound, **changes)), stage)) == []
+    assert node.counters["periods without a usable measurement of the car"] == 1
+    assert len(node.step(S, filled(node, (topic, sound), stage))) == 2

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -99,3 +100,15 @@ def test_referee_keeps_its_first_verdict():
     (again,) = judge(referee, START + 10_000_000, vehicle(gap=-0.001))
     assert again is first
     assert not again.within_tolerance
+
+
+HOUR = 3_600_000_000_000
+
+
+@pytest.mark.parametrize("shifts", [(0, -250_000_000), (0, HOUR), (-HOUR, 0), (HOUR, HOUR)])
+def test_no_contact_is_judged_by_samples_of_different_times_or_of_the_future(shifts):
+    referee, touching = Referee(RULES, DISC, TILT), vehicle(gap=-0.001)
+    seen, below = (replace(one, stamp_ns=START + by) for one, by in zip((touching, board()), shifts, strict=True))
+    assert judge(referee, START, seen, board_state=below) == []
+    contact, _ = judge(referee, START, touching)
+    assert contact.attached, "sound samples are judged again"

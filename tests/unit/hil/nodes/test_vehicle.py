@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -206,3 +207,56 @@ def test_vehicle_node_passes_the_conditions_for_arming_to_the_driver():
     assert rig.link.calls == [arming]
     with pytest.raises(ValueError, match="no conditions for arming"):
         rig.node.permit(None)
+
+
+@pytest.mark.parametrize("changes", [{"stamp_ns": NOW + 6 * MS}, {"position": (math.nan, 0.0, 0.0)}])
+def test_broken_motion_capture_is_not_sent_to_the_autopilot_and_reported_once(changes):
+    rig = Rig(external_pose=True)
+    broken = SEEN[0], replace(SEEN[1], **changes)
+    (event,) = rig.step(NOW, broken)["event"]
+    assert "not passed on to the autopilot" in event.text
+    assert rig.step(NOW, broken)["event"] == []
+    assert rig.link.poses[-1] is None
+    assert rig.node.counters["poses of motion capture not passed on to the autopilot"] == 2
+    rig.step(NOW, SEEN)
+    assert rig.link.poses[-1] is not None
+
+
+def before_arming(orientation, seconds, position=(1.0, 2.0, 0.1)):
+    """What the node asks of its driver, and its events, while the driver waits for arming to be allowed."""
+    rig = Rig(mocap_reach=25.0)
+    rig.link.output.phase = "ready"
+    rig.link.allow_arming = lambda arming: rig.link.calls.append("allow")
+    rig.node.permit(Arming().table())
+
+    def refuse():
+        rig.link.calls.append("refuse")
+        rig.link.output.phase = "failed"
+
+    rig.link.refuse_arming = refuse
+    events = []
+    for now in range(NOW, NOW + round(seconds * 1000) * MS, 10 * MS):
+        seen = VehicleState(now - 5 * MS, position, (0.0,) * 3, orientation, (0.0,) * 3)
+        events += rig.step(now, ("mocap/vehicle", seen), odometry=True)["event"]
+    return set(rig.link.calls), [event.text for event in events]
+
+
+def test_arming_is_allowed_once_motion_capture_agrees_with_the_autopilot():
+    level = (1.0, 0.0, 0.0, 0.0)
+    assert before_arming(level, 0.25) == (set(), [])
+    assert before_arming(level, 0.5) == ({"allow"}, [])
+
+
+@pytest.mark.parametrize(
+    ("orientation", "position", "why"),
+    [
+        ((math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0), (1.0, 2.0, 0.1), "tilted by 90 deg"),
+        ((0.0, 0.0, 0.0, 1.0), (1.0, 2.0, 0.1), "heading is 180 deg off"),
+        ((1.0, 0.0, 0.0, 0.0), (1000.0, 2000.0, 100.0), "millimetres"),
+    ],
+)
+def test_vehicle_is_not_armed_on_motion_capture_that_contradicts_the_autopilot(orientation, position, why):
+    assert before_arming(orientation, 19.0, position) == (set(), [])
+    calls, (text,) = before_arming(orientation, 21.0, position)
+    assert calls == {"refuse"}
+    assert text.startswith("not armed: ") and why in text

@@ -268,3 +268,54 @@ def test_bad_parameters_are_refused():
         BeliefParams(turn_tau=0.0)
     with pytest.raises(ValueError, match="q_turn"):
         BeliefParams(q_turn=-1.0)
+
+
+def seen(filter_, exposure_ms, now_ms=None, x=None):
+    at = 0.03 * exposure_ms * 0.1 if x is None else x
+    now_ns = None if now_ms is None else now_ms * MS
+    return filter_.update(exposure_ms * MS, (at, 0, 1.5), quaternion(0, 0.5), 0.02, 0.02, now_ns)
+
+
+@pytest.mark.parametrize("ahead_ms", [6, 60, 3_600_000, 2**63 // MS])
+def test_measurement_stamped_later_than_now_is_refused_and_later_ones_are_accepted(ahead_ms):
+    filter_ = BoardFilter()
+    for k in range(5):
+        assert seen(filter_, 30 * k, 30 * k + 50) == "accepted"
+    before = filter_.estimate(200 * MS)
+    assert seen(filter_, 200 + ahead_ms, 200) == "later_than_now"
+    assert filter_.estimate(200 * MS) == before._replace(rejected=before.rejected + 1)
+    assert seen(filter_, 150, 210) == "accepted"
+
+
+def test_belief_of_a_measurement_later_than_the_time_asked_for_is_not_valid():
+    filter_ = BoardFilter()
+    for k in range(5):
+        seen(filter_, 30 * k)
+    assert filter_.estimate(120 * MS).valid
+    assert (filter_.estimate(100 * MS).valid, filter_.estimate(100 * MS).rho) == (False, 0.0)
+
+
+@pytest.mark.parametrize("span_ns", [10**12, 2**63])
+def test_prediction_over_any_span_ends_soon_and_stays_finite(span_ns):
+    filter_ = BoardFilter()
+    for k in range(5):
+        seen(filter_, 30 * k)
+    found = filter_.estimate(span_ns)
+    assert not found.valid
+    assert np.isfinite([*found.position, *found.variance, found.speed, found.rho]).all()
+    assert filter_.update(span_ns, (5.0, 1.0, 1.5), quaternion(0, 0.5), 0.02, 0.02) == "restarted"
+    assert filter_.estimate(span_ns).position == pytest.approx((5.0, 1.0, 1.5))
+
+
+def test_filter_that_begins_with_an_old_stamp_starts_again_with_a_sound_one():
+    filter_ = BoardFilter()
+    assert filter_.update(-(2**62), (0.0, 0.0, 1.5), quaternion(0, 0.5), 0.02, 0.02, 0) == "accepted"
+    assert [seen(filter_, 30 * k, 30 * k) for k in range(4)] == ["restarted", "accepted", "accepted", "accepted"]
+    assert filter_.estimate(100 * MS).valid
+
+
+@pytest.mark.parametrize("number", [1e7, 1e160])
+def test_pose_beyond_any_world_is_implausible(number):
+    filter_ = BoardFilter()
+    assert filter_.update(0, (number, 0.0, 1.5), quaternion(0, 0.5), 0.02, 0.02) == "implausible"
+    assert filter_.update(0, (0.0, 0.0, 1.5), quaternion(0, 0.5), number, 0.02) != "accepted"

@@ -48,3 +48,20 @@ def test_yaw_error_is_the_bearing_seen_from_the_heading_even_in_a_flare(roll, pi
     expected = (bearing - yaw + math.pi) % (2 * math.pi) - math.pi
     got = yaw_error(q, math.cos(bearing), math.sin(bearing))
     assert abs((got - expected + math.pi) % (2 * math.pi) - math.pi) < 1e-6
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("number", range(3))
+def test_force_that_is_not_finite_gives_no_bound(bad, number):
+    out = np.zeros(4)
+    force = [0.5, 0.2, 9.8]
+    force[number] = bad
+    track_force(np.array([1.0, 0.0, 0.0, 0.0]), *force, *force, 0.0, 0.0, 0.0, 0.0, force[2], 1.0, PARAMS, out)
+    assert not np.isfinite(out[:2]).all()
+
+
+def test_thrust_and_yaw_rate_that_are_not_finite_stay_so():
+    out = np.zeros(4)
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    track_force(level, 0.0, 0.0, 9.8, 0.0, 0.0, 9.8, 0.0, 0.0, 0.0, math.nan, math.inf, 1.0, PARAMS, out)
+    assert np.isnan(out[2:]).all()

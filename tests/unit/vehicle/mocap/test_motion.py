@@ -64,3 +64,10 @@ def test_invalid_and_old_poses_are_refused_without_effect(stamp, position, orien
         motion.add(k * 10 * MS, (0.01 * k, 0.0, 0.0), LEVEL)
     assert motion.add(stamp, position, orientation) is None
     assert motion.add(60 * MS, (0.06, 0.0, 0.0), LEVEL)[0] == pytest.approx((1.0, 0.0, 0.0))
+
+
+def test_pose_stamped_later_than_now_is_refused_and_does_not_block_later_ones():
+    motion = BodyMotion()
+    assert motion.add(0, (0.0, 0.0, 0.0), LEVEL, 5 * MS) is not None
+    assert motion.add(3_600_000 * MS, (9.0, 0.0, 0.0), LEVEL, 10 * MS) is None
+    assert motion.add(10 * MS, (0.0, 0.0, 0.0), LEVEL, 15 * MS) is not None

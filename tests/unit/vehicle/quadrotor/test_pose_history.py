@@ -42,3 +42,15 @@ def test_times_outside_the_history_and_non_finite_samples_are_refused():
     assert history.at(999) is None
     history.add(2000, _pose(2.0))
     assert history.at(1500) is None
+
+
+def test_sample_stamped_later_than_now_is_refused_and_does_not_block_later_ones():
+    history = PoseHistory()
+    assert history.add(1_000_000, _pose(0.0), 2_000_000)
+    assert not history.add(3_600_000_000_000, _pose(1.0), 3_000_000)
+    assert history.add(4_000_000, _pose(2.0), 4_000_000)
+    assert history.at(4_000_000) is not None
+
+
+def test_sample_without_a_unit_quaternion_is_refused():
+    assert not PoseHistory().add(0, _pose(0.0)._replace(orientation=np.zeros(4)))

@@ -53,3 +53,29 @@ def test_jitter_alone_is_not_taken_for_drift():
         clock.add(now, now + trip, now + trip)
         assert clock.offset_ns is not None
         assert abs(clock.offset_ns) <= 1 * MS
+
+
+def test_one_answer_hours_off_is_rejected_and_three_that_agree_are_accepted():
+    clock, hour = ClockOffset(), 3_600_000 * MS
+
+    def answer(k, off):
+        clock.add(k * 100 * MS, k * 100 * MS + MS + off, k * 100 * MS + 2 * MS)
+        return clock.offset_ns
+
+    assert [answer(k, 0) for k in range(3)] == [0, 0, 0]
+    assert answer(3, hour) == 0
+    assert answer(4, 0) == 0
+    assert clock.rejected == 1
+    assert [answer(k, hour) for k in (5, 6, 7)] == [0, 0, hour]
+
+
+def test_odometry_stamped_later_than_now_is_not_used():
+    bench = Bench().to("hover", limit=60.0)
+    autopilot = bench.link._autopilot
+    bad = autopilot.bad_odometry
+    real = autopilot.clock.ours
+    autopilot.clock.ours = lambda px4_ns: real(px4_ns) + 3_600_000 * MS
+    before = autopilot.odometry
+    bench.run(0.1)
+    assert autopilot.odometry is before
+    assert autopilot.bad_odometry > bad
