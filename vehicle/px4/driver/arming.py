@@ -36,10 +36,10 @@ class Arming:
         if not isinstance(table, Mapping):
             raise ValueError(f"no conditions for arming: {table!r}")
         uid, firmware, parameters = (table.get(name) for name in ("uid", "firmware", "parameters"))
-        texts = isinstance(uid, str) and isinstance(firmware, str)
-        if not texts or not isinstance(parameters, Mapping) or not all(map(_number, parameters.values())):
-            raise ValueError(f"no conditions for arming: {dict(table)!r}")
-        return cls(Identity(uid, firmware), {str(name): value for name, value in parameters.items()})
+        if isinstance(uid, str) and isinstance(firmware, str) and isinstance(parameters, Mapping):
+            if all(map(_number, parameters.values())):
+                return cls(Identity(uid, firmware), {str(name): value for name, value in parameters.items()})
+        raise ValueError(f"no conditions for arming: {dict(table)!r}")
 
     def faults(self, identity: Identity, held: Mapping[str, float]) -> list[str]:
         """In what an autopilot that is `identity` and holds the parameters `held` differs; empty if in nothing."""

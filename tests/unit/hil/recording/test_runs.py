@@ -102,7 +102,7 @@ def test_root_that_is_a_file_raises_a_clear_error(tmp_path):
 def test_policy_file_is_identified_by_its_checksum(tmp_path):
     path = tmp_path / "mine.onnx"
     path.write_bytes(b"weights")
-    assert policy_identity("planner") == {"name": "planner"}
+    assert policy_identity("planner-analytic") == {"name": "planner-analytic"}
     assert set(policy_identity("vision")) == {"name", "sha256"}  # no path: it comes with the project, wherever that is
     identity = policy_identity(str(path))
     assert identity["name"] == "mine.onnx"
@@ -196,6 +196,5 @@ def test_code_is_identified_by_its_content_package_by_package(tmp_path):
     assert {name for name in before if before[name] != after[name]} == {"hil"}
 
 
-def test_planner_is_identified_with_its_motion_predictor(monkeypatch, tmp_path):
-    assert policy_identity("planner")["predictor_sha256"] == provenance.file_sha256(CHECKPOINT)
-    assert policy_identity("planner-analytic") == {"name": "planner-analytic"}
+def test_planner_is_identified_with_its_motion_predictor():
+    assert policy_identity("planner") == {"name": "planner", "predictor_sha256": provenance.file_sha256(CHECKPOINT)}
