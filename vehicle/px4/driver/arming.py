@@ -36,9 +36,9 @@ class Arming:
         if not isinstance(table, Mapping):
             raise ValueError(f"no conditions for arming: {table!r}")
         uid, firmware, parameters = (table.get(name) for name in ("uid", "firmware", "parameters"))
-        if isinstance(uid, str) and isinstance(firmware, str) and isinstance(parameters, Mapping):
-            if all(map(_number, parameters.values())):
-                return cls(Identity(uid, firmware), {str(name): value for name, value in parameters.items()})
+        held = parameters if isinstance(parameters, Mapping) else {"": None}
+        if isinstance(uid, str) and isinstance(firmware, str) and all(map(_number, held.values())):
+            return cls(Identity(uid, firmware), {str(name): value for name, value in held.items()})
         raise ValueError(f"no conditions for arming: {dict(table)!r}")
 
     def faults(self, identity: Identity, held: Mapping[str, float]) -> list[str]:
