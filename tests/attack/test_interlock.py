@@ -107,7 +107,7 @@ def test_go_is_refused_after_a_change_of_code_and_the_package_is_named(site, cod
 def test_go_is_refused_after_a_change_of_the_motion_predictor(site, tmp_path, monkeypatch):
     (tmp_path / "checkpoints").mkdir()
     shutil.copy(shipped.policy_data("planner")["predictor"], tmp_path / "checkpoints" / "predictor.npz")
-    monkeypatch.setattr(shipped, "_FOLDER", tmp_path / "checkpoints")
+    monkeypatch.setattr(shipped, "CHECKPOINTS", tmp_path / "checkpoints")
     site.go(policy="planner")
     assert site.clear(policy="planner").kind == "checklist"
     (tmp_path / "checkpoints" / "predictor.npz").write_bytes(b"another")
