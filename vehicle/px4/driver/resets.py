@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from vehicle.px4.driver.types import Note, Odometry, Quat
 
-_LONGEST_S = 0.5  # between two samples: longer, and the motion between them is not known
+_LONGEST_S = 0.1  # between two samples: longer, and the motion between them is not known
 
 
 class Reset(NamedTuple):

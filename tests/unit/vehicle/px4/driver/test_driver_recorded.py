@@ -6,7 +6,7 @@ import pytest
 
 from tests.paths import PX4_DATA
 from vehicle.px4.driver.driver import Px4Link
-from vehicle.px4.driver.types import LinkConfig, Note
+from vehicle.px4.driver.types import LinkConfig
 
 RECORDED = PX4_DATA / "session_downlink.bin"
 MS = 1_000_000
@@ -94,11 +94,3 @@ def test_recorded_odometry_is_in_the_world_frame_on_the_host_clock(flight):
     assert 2.0 < top < 8.0, "height is up"
     climbing = [sample for ms, sample in samples if 10_500 < ms < 13_000]
     assert all(sample.velocity[2] > 0.1 for sample in climbing)
-
-
-def test_reset_of_the_heading_after_the_take_off_is_an_information_with_its_size(flight):
-    """The real PX4 turned its heading by 5.9 deg at a height of 1.6 m, and moved nothing."""
-    _, steps = flight
-    told = [(ms, note) for ms, out in steps for note in out.notes if "estimate was reset" in note.text]
-    ((_, note),) = told
-    assert note == Note("info", "the autopilot's estimate was reset by 0.01 m, 0.02 m/s, 5.9 deg")

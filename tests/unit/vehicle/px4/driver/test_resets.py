@@ -8,7 +8,7 @@ from kernel.rotations import from_euler
 from tests.unit.vehicle.px4.driver.driver_bench import Bench
 from vehicle.px4.codec import Packer, Parser
 from vehicle.px4.driver.resets import note_of, reset_between
-from vehicle.px4.driver.types import Odometry
+from vehicle.px4.driver.types import Note, Odometry
 
 MS = 1_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -45,8 +45,25 @@ def test_jump_is_a_warning_only_where_it_matters(after, hovering, severity):
     assert note.text.startswith("the autopilot's estimate was reset by ")
 
 
+def test_reset_of_a_real_px4s_heading_after_its_take_off_is_an_information():
+    """PX4 v1.17 on its simulated quadrotor, 1.6 m up: two samples of ODOMETRY in NED, as they came."""
+    before = Odometry(
+        14_588_000_000, (0.2424, -0.211, -1.6045), (-0.0675, 0.0665, -0.6683), (0.999, 0.0025, 0.0022, -0.0442),
+        (-0.0527, -0.0014, -0.0023),
+    )  # fmt: skip
+    after = Odometry(
+        14_620_000_000, (0.243, -0.2128, -1.6216), (-0.0581, 0.0799, -0.6836), (1.0, 0.0024, 0.0025, 0.0075),
+        (-0.0597, 0.0131, -0.0039),
+    )  # fmt: skip
+    found = reset_between(before, after)
+    assert note_of(found, hovering=False) == Note(
+        "info", "the autopilot's estimate was reset by 0.01 m, 0.02 m/s, 5.8 deg"
+    )
+    assert note_of(found, hovering=True).severity == "warning"
+
+
 def test_reset_while_no_odometry_came_cannot_be_measured_and_is_a_warning():
-    assert reset_between(sample(0), sample(600)) is None
+    assert reset_between(sample(0), sample(110)) is None
     assert note_of(None, hovering=False).severity == "warning"
 
 
