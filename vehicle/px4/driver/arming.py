@@ -36,7 +36,7 @@ class Arming:
         if not isinstance(table, Mapping):
             raise ValueError(f"no conditions for arming: {table!r}")
         uid, firmware, parameters = (table.get(name) for name in ("uid", "firmware", "parameters"))
-        held = parameters if isinstance(parameters, Mapping) else {"": None}
+        held: Mapping[str, Any] = parameters if isinstance(parameters, Mapping) else {"": None}
         if isinstance(uid, str) and isinstance(firmware, str) and all(map(_number, held.values())):
             return cls(Identity(uid, firmware), {str(name): value for name, value in held.items()})
         raise ValueError(f"no conditions for arming: {dict(table)!r}")
