@@ -97,7 +97,7 @@ def run_table(score: Score, scenario: Scenario, *, real_time_factor: float | Non
 
 
 def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: float = 0.95) -> RenderableType:
-    """Several seeds of one scenario: a line each, then the counts with their exact interval.
+    """Several seeds of one scenario: a line each, then the counts of those that were decided, with exact intervals.
 
     Errors at contact: in the board's plane, of the normals, speed along the board and into it.
     """
@@ -118,8 +118,9 @@ def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: floa
             "; ".join(score.reasons),
         )
     counts = Table(box=None, show_header=False)
-    counts.add_row("attached", rate_text(sum(s.attached for s in scores), len(scores), confidence))
-    counts.add_row("within tolerance", rate_text(sum(s.within_tolerance for s in scores), len(scores), confidence))
+    decided = [score for score in scores if score.verdict != INCOMPLETE]
+    counts.add_row("attached", rate_text(sum(s.attached for s in decided), len(decided), confidence))
+    counts.add_row("within tolerance", rate_text(sum(s.within_tolerance for s in decided), len(decided), confidence))
     return Group(Text(f"{scenario.title}  ({len(scores)} seeds)", style="italic"), table, counts)
 
 

@@ -154,3 +154,15 @@ def test_every_scenario_can_be_shown(name):
 
 def test_a_seed_within_tolerance_that_is_not_attached_is_missed():
     assert lines(shown(seeds_table(load("hard-i"), [score(attached=False)])), "0 ")[1] == "missed"
+
+
+def test_aborted_run_is_shown_without_a_verdict_and_not_counted():
+    aborted = dataclasses.replace(score(seed=1), outcome="incomplete", reasons=("aborted: interrupted",))
+    text = shown(seeds_table(load("hard-i"), [score(seed=0), aborted]))
+    assert "attached          1 of 1" in text and "aborted: interrupted" in text
+    assert lines(text, "1 ")[1] == "incomplete"
+    alone = shown(run_table(aborted, load("hard-i"), real_time_factor=None))
+    assert lines(alone, "attached")[1] == "-"
+    assert json_row(
+        aborted, None, policy="planner", camera="model", real_time_factor=None, run_dir="runs/x"
+    )["verdict"] == "incomplete"  # fmt: skip
