@@ -17,7 +17,7 @@ from vehicle.px4.driver.texts import Texts
 from vehicle.px4.driver.types import LinkConfig, Odometry
 
 _SECOND = 1_000_000_000
-_OFFSET_ERROR_NS = 50_000_000  # of a SITL that lags; what is later than now by more is broken
+_OFFSET_ERROR_NS = 500_000_000  # of a SITL that lags; what is later than now by more is broken
 _ACK_BEFORE_HEARTBEAT_NS = 500_000_000  # a HEARTBEAT may carry the state from before an ACK for that long
 
 
