@@ -10,6 +10,7 @@ from policies.environment.config import EnvConfig
 from policies.environment.flight import EnvFlight
 from policies.estimation.board_filter import BoardFilter
 from policies.flying.guided import GuidedPolicy
+from policies.flying.onnx_file import open_policy
 from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.shipped import policy_file
 from policies.guidance.guide import ALIGNED, BRAKED, FLARED
@@ -46,14 +47,14 @@ def fly_guided(seed):
         env.airframe, lean=0.25, impact_speed=0.2, flare_rate=1.0, flare_closing=0.2, sigma_high=0.05, sliding_high=3.0
     )
     env.shared = env.shared._replace(guidance=params.row())
-    policy = GuidedPolicy(OnnxPolicy(STATE, env.airframe), env.airframe, params)
+    policy = GuidedPolicy(OnnxPolicy(open_policy(STATE), env.airframe), env.airframe, params)
     policy.reset(-10_000_000)
     acted = []
     while not flight.done and len(acted) < 300:
         for seen in flight.detections():
             board.update(seen.exposure_ns, seen.position, seen.orientation, seen.position_sigma, seen.orientation_sigma)
         estimate = board.estimate(flight.now_ns)._replace(valid=True)
-        trained = policy._policy._session.run(None, {"observation": rows.observation})[0][0]
+        trained = policy._policy._network.run(rows.observation)[0]
         command = policy.step(flight.now_ns, flight.odometry(), estimate)
         asked = np.zeros(4)
         action_from_command(np.array([*command.asked_rate, command.asked_thrust]), env.shared.limits, asked)
@@ -74,7 +75,7 @@ def fly_both(seed):
     """One episode, each tick compared; returns how many had seen nothing for a while."""
     flight, board = EnvFlight(replace(CONFIG, seed=seed)), BoardFilter()
     rows = flight.env.rows
-    policy = OnnxPolicy(STATE, flight.env.airframe)
+    policy = OnnxPolicy(open_policy(STATE), flight.env.airframe)
     policy.reset(-10_000_000)  # the gain's estimate has seen the tick before, as in training
     ticks = blind = 0
     while not flight.done and ticks < 300:
@@ -84,7 +85,7 @@ def fly_both(seed):
         estimate = board.estimate(flight.now_ns)
         believed = [*estimate.position, estimate.heading, estimate.speed, estimate.turn_rate, estimate.inclination]
         assert believed == pytest.approx(rows.believed[0, :7], abs=1e-5)
-        trained = policy._session.run(None, {"observation": rows.observation})[0][0]
+        trained = policy._network.run(rows.observation)[0]
         estimate = estimate._replace(valid=True)  # training acts on the first detection, a flight waits for some
         command = policy.step(flight.now_ns, flight.odometry(), estimate)
         flown = np.zeros(4)

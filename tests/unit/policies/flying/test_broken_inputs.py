@@ -8,6 +8,7 @@ import pytest
 
 from hil.contract.messages import Belief, VehicleState
 from policies.flying.guided import GuidedPolicy
+from policies.flying.onnx_file import open_policy
 from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.registry import policy_factory
 from policies.flying.shipped import FLYABLE, policy_file
@@ -77,14 +78,14 @@ def test_broken_belief_engages_no_policy(name):
     assert not policy.step(0, odometry(0), belief(0, heading=math.nan)).engaged
 
 
-class _Session:
+class _Network:
     """A network whose next answers are given; then the real one's."""
 
     def __init__(self, real, answers):
         self._real, self._answers = real, answers
 
-    def run(self, names, inputs):
-        return [[self._answers.pop(0)]] if self._answers else self._real.run(names, inputs)
+    def run(self, observations):
+        return [self._answers.pop(0)] if self._answers else self._real.run(observations)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -93,14 +94,14 @@ class _Session:
 def test_number_out_of_the_network_that_is_not_finite_reaches_the_gate_and_not_the_next_observation(
     bad, output, guided
 ):
-    network = OnnxPolicy(policy_file("state"), AIRFRAME)
+    network = OnnxPolicy(open_policy(policy_file("state")), AIRFRAME)
     policy = GuidedPolicy(network, AIRFRAME) if guided else network
     for k in range(3):
         policy.step(10 * k * MS, odometry(10 * k), belief(10 * k))
     before = network._action.copy()
     answer = np.zeros(4, dtype=np.float32)
     answer[output] = bad
-    network._session = _Session(network._session, [answer])
+    network._network = _Network(network._network, [answer])
     command = policy.step(30 * MS, odometry(30), belief(30))
     assert is_no_command(command)
     assert not guided or command.laws == NOT_FINITE
@@ -110,7 +111,7 @@ def test_number_out_of_the_network_that_is_not_finite_reaches_the_gate_and_not_t
 
 
 def test_no_command_is_given_on_a_history_that_cannot_be_kept(monkeypatch):
-    policy = OnnxPolicy(policy_file("state"), AIRFRAME)
+    policy = OnnxPolicy(open_policy(policy_file("state")), AIRFRAME)
     policy.step(0, odometry(0), belief(0))
     monkeypatch.setattr(policy._builder, "push", lambda *_: False)
     assert is_no_command(policy.step(10 * MS, odometry(10), belief(10)))
