@@ -2,7 +2,8 @@
 
 The machine may be busy: nothing here depends on how fast it is. An attempt may fail because of that, but the run
 reports it, its recording can be read and replayed, and no process is left behind. Each run takes 40 to 60 s on two
-cores with other work on them, all of them half an hour: eleven services, each killed, stopped and hung.
+cores with other work on them, all of them half an hour: eleven services, each killed, stopped and hung. The first is
+part of `make test`, the others of `make live`.
 """
 
 import json
@@ -22,7 +23,7 @@ from hil.live.run import fly_live
 from hil.recording import provenance
 from hil.recording.reader import Recording
 
-pytestmark = pytest.mark.live
+pytestmark = pytest.mark.xdist_group("real_time")
 
 NAMES = {"scenario": "simple-ii", "rig": "sim", "policy": None, "camera": "model"}
 CODE = provenance.code()
@@ -78,6 +79,7 @@ class Fault:
             os.kill(processes(self.out)[self.service], self.number)
 
 
+@pytest.mark.slow
 def test_live_run_leaves_the_files_of_a_lockstep_run_and_replays(tmp_path):
     live = fly(tmp_path)
     run = live.flight.run
@@ -121,6 +123,7 @@ def can_hang(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(folder))
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("number", [KILL, STOP, BUSY], ids=["kill", "stop", "busy"])
 @pytest.mark.parametrize("service", SERVICES)
 def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang, service, number):
@@ -158,6 +161,7 @@ def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang
         assert abs(board[-1].speed) < 0.1
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("stage", ["waiting", "attempt"])
 def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
     fault = Fault(tmp_path, "", 0, stage, 0.0)
@@ -172,6 +176,7 @@ def test_an_interrupted_run_ends_in_the_safe_state(tmp_path, stage):
         assert live.summary["services"]["vehicle_link"]["safe"]
 
 
+@pytest.mark.live
 def test_services_reach_the_safe_state_when_the_supervisor_is_killed(tmp_path):
     with (tmp_path / "output").open("wb") as logs:
         run = subprocess.Popen(

@@ -27,7 +27,7 @@ from scenarios.spec import load
 from tests.contract.vrpn_server import VrpnServer
 
 GROUP = "239.74.163.3"
-pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300), pytest.mark.xdist_group("real_time")]
 
 
 def fly(tmp_path, rig_text, **options):
@@ -58,6 +58,7 @@ FAKE_GST = """\
 """
 
 
+@pytest.mark.live
 def test_vehicle_lands_when_the_camera_is_unplugged_in_flight(tmp_path, monkeypatch):
     flag, program = tmp_path / "pulled", tmp_path / "bin" / "gst-launch-1.0"
     program.parent.mkdir()
@@ -91,9 +92,16 @@ def test_vehicle_lands_when_the_camera_is_unplugged_in_flight(tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("rig", "expected"),
     [
-        ('[camera]\nkind = "v4l2"\ndevice = "/dev/video77"', "camera ended with exit code 3: .*no camera /dev/video77"),
+        pytest.param(
+            '[camera]\nkind = "v4l2"\ndevice = "/dev/video77"',
+            "camera ended with exit code 3: .*no camera /dev/video77",
+            marks=pytest.mark.live,
+        ),
         ('[vehicle]\nkind = "mavlink"\nurl = "udp://:{port}"', "vehicle_link ended with .* 3: .*{port}.* is in use"),
-        ('[groundcar]\nkind = "can"\nchannel = "nocan9"', "car ended with exit code 3: .*CAN socketcan nocan9"),
+        pytest.param(
+            '[groundcar]\nkind = "can"\nchannel = "nocan9"', "car ended with exit code 3: .*CAN socketcan nocan9",
+            marks=pytest.mark.live,
+        ),
     ],
 )  # fmt: skip
 def test_missing_device_ends_the_run_before_motion_with_one_line(tmp_path, rig, expected):
@@ -124,6 +132,7 @@ class Car(threading.Thread):
         self.bus.close()
 
 
+@pytest.mark.live
 def test_car_on_a_can_bus_is_driven_and_measured_by_simulated_sensors(tmp_path):
     try:
         car = Car(GROUP)
@@ -187,6 +196,7 @@ class TruthStream(threading.Thread):
         mailbox.close()
 
 
+@pytest.mark.live
 def test_vrpn_poses_reach_the_referee_the_car_and_the_autopilot(tmp_path):
     pytest.importorskip("motioncapture", reason="kind vrpn: the package motioncapture is not installed")
     server = VrpnServer()

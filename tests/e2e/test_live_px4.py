@@ -21,7 +21,7 @@ from hil.live.run import fly_live
 from hil.recording import provenance
 from hil.recording.reader import Recording
 
-pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(420)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(420), pytest.mark.xdist_group("real_time")]
 PROGRAM = Path(__file__).parent / "px4_process.py"
 
 
@@ -61,10 +61,11 @@ def event_texts(run):
     return [entry.message.text for entry in Recording(run.path).messages(["event"])]
 
 
-def test_one_autopilot_flies_two_flights_in_a_row(site, tmp_path):
+@pytest.mark.parametrize("flights", [1, pytest.param(2, marks=pytest.mark.live)])
+def test_one_autopilot_flies_flight_after_flight(site, tmp_path, flights):
     port, names = site
     with autopilot(port, 0.97) as report:
-        for flight in range(2):
+        for flight in range(flights):
             live = fly(names, tmp_path / "runs")
             events = event_texts(live.flight.run)
             assert live.flight.failure == "", events[-6:]
@@ -84,13 +85,14 @@ def test_one_autopilot_flies_two_flights_in_a_row(site, tmp_path):
             sent = [e.message for e in recording.messages(["vehicle/sent"])]
             assert len(sent) > 100, "a second of body rates at least"
             assert 0.3 < statuses[-1].hover_thrust < 0.7
-    assert report["armed"] == 2
+    assert report["armed"] == flights
     assert not report["armed_now"]
     assert report["position"][2] < 0.2
     assert set(report["rejected"]) <= {"ignored_frames"}
     assert report["fastest_fall"] < 4.0, "nothing fell: the board is virtual, the motors went on"
 
 
+@pytest.mark.live
 def test_vehicle_lands_and_disarms_when_the_policy_service_is_killed(site, tmp_path):
     port, names = site
     out = tmp_path / "runs"
@@ -111,6 +113,7 @@ def test_vehicle_lands_and_disarms_when_the_policy_service_is_killed(site, tmp_p
     assert report["position"][2] < 0.2
 
 
+@pytest.mark.live
 def test_silent_autopilot_in_flight_is_reported_and_recording_complete(site, tmp_path):
     port, names = site
     process = subprocess.Popen([sys.executable, str(PROGRAM), str(port), "0.97"], stdout=subprocess.PIPE, text=True)

@@ -8,7 +8,7 @@ import torch
 from policies.flying.contract import Contract, ContractError, Provenance
 from policies.flying.onnx_file import open_policy
 from policies.network.actor_critic import Actor, FlightActor, NetworkConfig, normalisation
-from policies.network.export import MAX_BYTES, compare, export, import_actor
+from policies.network.export import MAX_BYTES, TOLERANCE, compare, export, import_actor
 from policies.task.observation import OBS_DIM
 from tests.paths import ROOT
 from vehicle.quadrotor.airframe import load_airframe
@@ -35,11 +35,17 @@ def actor(**options):
 @pytest.mark.parametrize("options", [{}, {"temporal": False}, {"geometry": False}, {"symmetric": False}])
 def test_exported_onnx_agrees_with_torch(tmp_path, options):
     path, net = tmp_path / "p.onnx", actor(**options)
-    assert export(net, CONTRACT, path) <= 1e-5
-    assert compare(FlightActor(net), path) <= 1e-5
+    assert export(net, CONTRACT, path) <= TOLERANCE == 1e-5
+    assert compare(FlightActor(net), path) <= TOLERANCE
     assert path.stat().st_size < MAX_BYTES
     assert open_policy(path).contract == CONTRACT
     assert not list(tmp_path.glob("*.tmp.*"))
+
+
+@pytest.mark.parametrize("name", ["vision", "state"])
+def test_plain_network_differs_from_torch_by_less_than_the_tolerance(name):
+    path = ROOT / "policies" / "checkpoints" / "plain" / f"{name}.onnx"
+    assert compare(FlightActor(import_actor(path)[0]), path) < 0.2 * TOLERANCE
 
 
 def test_export_comparison_uses_the_given_observations(tmp_path):
