@@ -22,8 +22,8 @@ NETWORK_KEY = "perch_hil_network"  # metadata: the network's configuration as JS
 _PREFIX = "actor."  # of the weights' names in the file
 _SAME = 1e-3  # of actions, between a file and its own weights
 MAX_BYTES = 2_000_000
-# Of actions in [-1, 1]: the same sums in another order, in single precision. On 20,480 observations of episodes the plain
-# networks, which this exporter wrote, differ by at most 0.8e-6, and the shipped vision.onnx by 3.8e-6.
+# Of actions in [-1, 1]: the same sums in another order, in single precision. On 20,480 observations of episodes the
+# plain networks, which this exporter wrote, differ by at most 0.8e-6, and the shipped vision.onnx by 3.8e-6.
 TOLERANCE = 1e-5
 _COMPARED = 256  # observations at most
 
