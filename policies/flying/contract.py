@@ -28,7 +28,10 @@ CONTRACT_FORMAT = 1
 
 
 class ContractError(ValueError):
-    """A policy file that cannot be flown, with the reason in one line."""
+    """A policy file that cannot be flown, with the reason in one line, whatever names the file holds."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__("".join(c if c.isprintable() else " " for c in reason))
 
 
 class _Part(BaseModel):

@@ -47,8 +47,7 @@ def open_policy(path: str | Path) -> OpenedPolicy:
     except OSError as error:
         raise ContractError(f"policy {path} cannot be read: {error.strerror}") from None
     _check_whole(path, data)
-    session = _session(path, data)
-    text = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+    session, text = _session(path, data)
     if text is None:
         raise ContractError(f"policy {path} carries no '{METADATA_KEY}' metadata; `perch-hil policy train` exports it")
     contract = parse_contract(text, f"policy {path}")
@@ -69,7 +68,8 @@ def _check_whole(path: Path, data: bytes) -> None:
         )
 
 
-def _session(path: Path, data: bytes) -> Any:
+def _session(path: Path, data: bytes) -> tuple[Any, str | None]:
+    """The session and the contract's text, None without one."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -77,7 +77,10 @@ def _session(path: Path, data: bytes) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4
     try:
-        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        for end in (*session.get_inputs(), *session.get_outputs()):
+            _ = end.name, end.shape  # each is decoded when it is asked for
+        return session, session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
     except Exception as error:  # onnxruntime raises a family of bare exceptions for a damaged file
         reason = " ".join(str(error).split())[:160]
         raise ContractError(f"policy {path} is not a readable ONNX model ({reason}); copy or export it again") from None

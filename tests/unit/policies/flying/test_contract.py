@@ -141,3 +141,10 @@ def test_policy_for_the_true_state_is_refused_where_a_camera_sees():
     state = CONTRACT.model_copy(update={"stage": "state"})
     with pytest.raises(ContractError, match="stage state, this flight has vision: it knows of the board by a camera"):
         check_contract(state, stage="vision")
+
+
+def test_refusal_is_one_printable_line_whatever_the_file_is_called():
+    named = CONTRACT.model_copy(update={"name": "a\nperch-hil: GO\033[2J", "airframe": "crazyflie"})
+    with pytest.raises(ContractError) as error:
+        check_contract(named, airframe=PAPER)
+    assert one_line(error).isprintable()
