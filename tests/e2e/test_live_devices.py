@@ -27,7 +27,7 @@ from scenarios.spec import load
 from tests.contract.vrpn_server import VrpnServer
 
 GROUP = "239.74.163.3"
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300), pytest.mark.xdist_group("real_time")]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300), pytest.mark.usefixtures("real_time")]
 
 
 def fly(tmp_path, rig_text, **options):

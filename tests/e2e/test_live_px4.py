@@ -21,7 +21,7 @@ from hil.live.run import fly_live
 from hil.recording import provenance
 from hil.recording.reader import Recording
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(420), pytest.mark.xdist_group("real_time")]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(420), pytest.mark.usefixtures("real_time")]
 PROGRAM = Path(__file__).parent / "px4_process.py"
 
 

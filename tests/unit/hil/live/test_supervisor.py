@@ -202,7 +202,7 @@ def test_hub_that_cannot_start_is_reported_by_name(tmp_path):
             supervisor.connect(limit_s=60.0)
 
 
-@pytest.mark.xdist_group("real_time")  # a process of a live run that starts removes what is orphaned, too
+@pytest.mark.usefixtures("real_time")
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no /dev/shm")
 def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path):
     orphan, held = Path(f"/dev/shm/{os.getpid()}1.zenoh"), Path(f"/dev/shm/{os.getpid()}2.zenoh")
