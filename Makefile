@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test live soak lint format bench peer train results clean
+.PHONY: help run test attack live soak lint format bench peer train results clean
 
 help: ## show these targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -27,6 +27,9 @@ run: $(VENV)/core ## fly Hard-I, everything simulated behind its real wire
 
 test: $(VENV)/test ## run the test suite
 	$(BIN)/python -m pytest -n 2 -m "not live"
+
+attack: $(VENV)/test ## fifty times the cases of the attack tests (forged and damaged data, floods): some ten minutes
+	PERCH_HIL_ATTACK=50 $(BIN)/python -m pytest -n 2 --timeout 7200 tests/attack
 
 live: $(VENV)/test ## test the live host, in real time: on a machine that does nothing else
 	$(BIN)/python -m pytest -m live

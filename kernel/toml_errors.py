@@ -7,6 +7,7 @@ key and what is allowed there.
 from __future__ import annotations
 
 import difflib
+import json
 import tomllib
 import types
 import typing
@@ -17,6 +18,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 Model = TypeVar("Model", bound=BaseModel)
+_LARGEST = 1 << 20  # bytes of a file; the longest of the project has some ten thousand
+_DEEPEST = 64  # tables and arrays in each other; pydantic's own limit is 200
 
 
 class ConfigError(ValueError):
@@ -31,22 +34,51 @@ def load_toml(path: Path, model: type[Model]) -> Model:
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of the TOML file `path`. Raises ConfigError if it cannot be read or is no TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not a text file in UTF-8") from None
+        with path.open("rb") as file:
+            text = file.read(_LARGEST + 1)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError:  # a null character
+        raise ConfigError(f"{str(path)!r} is no path of a file") from None
+    if len(text) > _LARGEST:
+        raise ConfigError(f"{path}: is larger than {_LARGEST >> 20} MB: is it the right file?")
+    try:
+        tables = tomllib.loads(text.decode("utf-8"))
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: not a text file in UTF-8") from None
+    except ValueError as error:  # also a whole number of thousands of digits
+        raise ConfigError(f"{path}: not valid TOML: {str(error).splitlines()[0]}") from None
+    except RecursionError:
+        raise ConfigError(f"{path}: {_TOO_DEEP}") from None
+    if _deeper(tables, _DEEPEST):
+        raise ConfigError(f"{path}: {_TOO_DEEP}")
+    return tables
+
+
+_TOO_DEEP = f"tables or arrays are nested more than {_DEEPEST} deep"
+
+
+def _deeper(value: Any, levels: int) -> bool:
+    """Whether more than `levels` tables and arrays lie in each other."""
+    if not isinstance(value, dict | list):
+        return False
+    inner = value.values() if isinstance(value, dict) else value
+    return levels == 0 or any(_deeper(one, levels - 1) for one in inner)
 
 
 def validate(data: dict[str, Any], model: type[Model], where: str) -> Model:
     """`data` as `model`; ConfigError lists every fault, one a line, each starting with `where`.
 
-    In an array of tables the fault's place follows, counted from 1: `group 1 "one", item 2`.
+    Nothing is converted: a number in quotes is no number, and 1 is no true. In an array of tables the fault's place
+    follows, counted from 1: `group 1 "one", item 2`.
     """
     try:
-        return model.model_validate(data)
+        # As JSON: only there does pydantic's strict mode take an array for a tuple, and a text for a path
+        text = json.dumps(data)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{where}: holds a value that no key takes: {error}") from None
+    try:
+        return model.model_validate_json(text, strict=True)
     except ValidationError as error:
         found = [fault for fault in error.errors(include_url=False) if not _follows(fault)]
         faults = [f"{where}: {_explain(fault, model, data)}" for fault in found]

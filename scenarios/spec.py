@@ -18,8 +18,8 @@ from scenarios.paper import RealRow, SimulatedRow, published, row_keys
 
 FOLDER = Path(__file__).parent
 
-Number = Annotated[float, Strict()]
-Positive = Annotated[Number, Field(gt=0)]
+Number = Annotated[float, Strict(), Field(ge=-1e6, le=1e6)]
+Positive = Annotated[Number, Field(ge=1e-6)]
 NotNegative = Annotated[Number, Field(ge=0)]
 
 
@@ -97,7 +97,7 @@ class SplinePath(Table):
     U(radius), smoothed around the circle, shrunk until curvature <= turn_rate_limit / speed."""
 
     kind: Literal["spline"]
-    control_points: Annotated[int, Field(ge=4)] = 12
+    control_points: Annotated[int, Field(ge=4, le=1000)] = 12
     radius: Range = (1.0, 12.0)
     turn_rate_limit: Positive = 1.2
     lap_start: Range = (0.0, 1.0)
@@ -154,12 +154,24 @@ class ScheduledSpeed(Table):
 Speed = Annotated[ConstantSpeed | OuSpeed | CosineSpeed | ScheduledSpeed, Field(discriminator="kind")]
 
 
+def _as_made(value: float) -> float:
+    if value != BOARD_SIZE:
+        raise ValueError(
+            f"the board's side is {BOARD_SIZE} m and cannot be {value} m: its tags, the contact rule and the policies "
+            "are made for that board; leave the key out"
+        )
+    return value
+
+
+BOARD_SIZE = 0.42  # m, of groundcar/board/layout.py
+
+
 class Board(Table):
     """Square board of side `size`, centre `height` above the ground, tilted by `inclination_deg` (0: facing up)."""
 
     inclination_deg: Annotated[Number, Field(ge=0, le=90)]
     height: Positive = 1.5
-    size: Positive = 0.42
+    size: Annotated[Number, AfterValidator(_as_made)] = BOARD_SIZE
 
 
 class Start(Table):
@@ -178,7 +190,7 @@ class Start(Table):
     distance: Range
     altitude: Range
     azimuth_deg: Range
-    depression_max_deg: Annotated[Number, Field(gt=0, lt=90)] = 33.0
+    depression_max_deg: Annotated[Number, Field(ge=1, le=89)] = 33.0
     anchor: Literal["car_start", "attempt_start"] = "car_start"
     yaw: Literal["board", "heading"] = "board"
 
@@ -206,7 +218,7 @@ class Car(Table):
 class Camera(Table):
     """`rate`: exposures a second."""
 
-    rate: Annotated[Number, Field(gt=0, le=240)]
+    rate: Annotated[Number, Field(ge=1, le=240)]
 
 
 class Wind(Table):

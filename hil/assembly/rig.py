@@ -11,12 +11,13 @@ from hil.safety.limits import CarGateLimits, GateLimits
 from hil.wires import WireError
 from hil.wires.url import check_url
 from kernel.toml_errors import ConfigError, load_toml, nearest
+from vehicle.quadrotor.airframe import load_airframe
 
 RIG_DIR = Path(__file__).parent / "rigs"
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class VehicleSlot(_Section):
@@ -199,4 +200,9 @@ def load_rig(name: str) -> Rig:
                 f'there is no rig "{name}"{nearest(name, list_rigs())} Known: {", ".join(list_rigs())}; '
                 "a file of your own is given by its path, ending in .toml"
             )
-    return load_toml(path, Rig)
+    rig = load_toml(path, Rig)
+    try:
+        load_airframe(rig.vehicle.airframe)
+    except ValueError as error:
+        raise ConfigError(f'{path}: key "vehicle.airframe": {error}') from None
+    return rig

@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from cryptography import x509
-from cryptography.exceptions import InvalidSignature
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
@@ -87,13 +87,17 @@ def check_keys(credentials: Credentials, now: datetime | None = None) -> None:
         key = serialization.load_pem_private_key(credentials.key.read_bytes(), None)
     except OSError as error:
         raise KeysError(_missing(credentials.key, error)) from None
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, UnsupportedAlgorithm):
         raise KeysError(f"{credentials.key} is no private key without a pass phrase") from None
-    if key.public_key() != own.public_key():
+    try:
+        belongs = key.public_key() == own.public_key()
+    except (ValueError, UnsupportedAlgorithm):
+        raise KeysError(f"{credentials.certificate} is damaged: its public key cannot be read") from None
+    if not belongs:
         raise KeysError(f"{credentials.key} does not belong to {credentials.certificate}")
     try:
         own.verify_directly_issued_by(authority)
-    except (ValueError, TypeError, InvalidSignature):
+    except (ValueError, TypeError, InvalidSignature, UnsupportedAlgorithm):
         raise KeysError(f"{credentials.certificate} was not signed by {credentials.authority}") from None
     for path, certificate in ((credentials.authority, authority), (credentials.certificate, own)):
         if now > certificate.not_valid_after_utc:

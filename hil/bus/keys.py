@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hil.bus.clock import CLOCK
-from hil.bus.leaf import CONTROL, HEALTH, OBSERVERS, TOPIC
+from hil.bus.leaf import CONTROL, EVENT, HEALTH, OBSERVERS, TOPIC, received_on
 from hil.contract.topics import TOPICS, may_read, published_by
 
 
@@ -20,11 +20,12 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     rules, subjects, policies = [], [], []
 
     def allow(service: str, publish: list[str], receive: list[str]) -> None:
+        wanted = [received_on("event") if key.startswith(EVENT) else key for key in publish]
         for what, message, flow, keys in (
             ("in", "put", "ingress", publish),
             ("out", "put", "egress", receive),
             ("sub", "declare_subscriber", "ingress", receive),
-            ("wanted", "declare_subscriber", "egress", publish),  # a publisher without a known reader does not publish
+            ("wanted", "declare_subscriber", "egress", wanted),  # a publisher without a known reader does not publish
         ):
             rules.append(
                 {
@@ -39,7 +40,7 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         own = [f"{service}-{what}" for what in ("in", "out", "sub", "wanted")]
         policies.append({"rules": [*own, "clock"], "subjects": [service]})
 
-    everything = [TOPIC + topic for topic in TOPICS]
+    everything = [received_on(topic) for topic in TOPICS]
     rules.append({
         "id": "clock", "messages": ["query", "reply"], "flows": ["ingress", "egress"], "key_exprs": [CLOCK],
         "permission": "allow",
@@ -47,11 +48,11 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     present = {node for nodes in services.values() for node in nodes}
     for service, nodes in services.items():
         outputs = {topic for node in nodes for topic in published_by(node, present)}
-        publish = sorted({TOPIC + t for t in outputs} | {TOPIC + "event", HEALTH + service})
-        receive = sorted({TOPIC + t for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
+        publish = sorted({TOPIC + t for t in outputs} | {EVENT + service, HEALTH + service})
+        receive = sorted({received_on(t) for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
         allow(service, publish, receive)
     for observer in OBSERVERS:
-        publish = [HEALTH + observer, *([CONTROL, TOPIC + "event"] if observer == "supervisor" else [])]
+        publish = [HEALTH + observer, *([CONTROL, EVENT + observer] if observer == "supervisor" else [])]
         allow(observer, publish, [*everything, HEALTH + "*", CONTROL])
     return {
         "enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies,

@@ -35,29 +35,57 @@ def credentials_in(folder: Path, identity: str) -> Credentials:
 # The default's five threads a process wake each other for every message: a fifth of all the processor time of a live
 # run on two cores.
 _THREADS = "(rx: (handover: app), acc: (handover: app), tx: (handover: app), app: (worker_threads: 1))"
+# A picture through the sockets is more than a link's queue holds: the hub's only thread would wait for room that it has
+# to make itself, and lose every picture of more than 0.8 MB. Sending then has a thread of its own.
+_THREADS_FOR_SOCKETS = "(rx: (handover: app), acc: (handover: app), app: (worker_threads: 1))"
 
 
 def _open(config: zenoh.Config) -> zenoh.Session:
-    os.environ.setdefault("ZENOH_RUNTIME", _THREADS)  # read once, when a process opens its first session
+    # read once, when a process opens its first session
+    os.environ.setdefault("ZENOH_RUNTIME", _THREADS_FOR_SOCKETS if no_shared_memory() else _THREADS)
     return zenoh.open(config)
+
+
+_MEMORY = Path("/dev/shm")
+_POOL = 64 << 20  # bytes; room for 70 pictures
+_MEMORY_NEEDED = 4 * _POOL  # bytes free; the camera's process and the hub have a pool each
+
+
+def no_shared_memory(folder: Path = _MEMORY) -> str:
+    """Why pictures go through the sockets on this computer, with the remedy; empty if they go through shared memory.
+
+    A pool that does not fit is worse than none: Zenoh then loses every picture without a word, or ends the process.
+    """
+    try:
+        found = os.statvfs(folder)
+        free = found.f_bavail * found.f_frsize
+    except OSError as error:
+        return f"pictures go through the sockets, which costs processor time: {folder}: {error.strerror}"
+    if free >= _MEMORY_NEEDED:
+        return ""
+    return (
+        f"pictures go through the sockets, which costs processor time: {folder} has {free >> 20} MB free and shared "
+        f"memory needs {_MEMORY_NEEDED >> 20} MB (of a container: --shm-size=512m)"
+    )
 
 
 def settings(**values: Any) -> zenoh.Config:
     """What hub and leaves have in common, with `values` (path in Zenoh's configuration -> value) on top."""
-    config = zenoh.Config()
+    config, without_memory = zenoh.Config(), bool(no_shared_memory())
     for key, value in {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        "transport/shared_memory/enabled": True,
+        "transport/shared_memory/enabled": not without_memory,
         # room for a moment in which a process is not scheduled; with the default of 2 messages are lost by then
         "transport/link/tx/queue/size/real_time": 16,
         "transport/link/tx/queue/size/data": 16,
         "transport/link/tx/queue/batching/time_limit": 0,
         # us; the default waits 50 ms for room for a picture, and meanwhile no leaf receives anything from the hub
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
-        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2000,
-        # bytes; a picture that finds no room there goes through the sockets, in fifteen pieces
-        "transport/shared_memory/transport_optimization/pool_size": 64 << 20,
+        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": (
+            20_000 if without_memory else 2000
+        ),
+        "transport/shared_memory/transport_optimization/pool_size": _POOL,
         **values,
     }.items():
         config.insert_json5(key, json.dumps(value))

@@ -31,7 +31,7 @@ def listen(endpoint: str, seconds: float, credentials: Credentials | None = None
     """Receive for `seconds`. Raises BusError without a hub."""
     services: dict[str, dict[str, Any]] = {}
     counts: dict[str, int] = {}
-    with Bus(endpoint, credentials) as bus:
+    with Bus(endpoint, credentials, identity="status") as bus:
         bus.on_table(HEALTH + "*", lambda table: services.update({str(table.get("service")): table}))
         received = bus.ages(TOPICS, counts)
         began = time.monotonic_ns()

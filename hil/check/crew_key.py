@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from cryptography.exceptions import InvalidSignature
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
@@ -28,7 +28,7 @@ def load_crew_key(path: Path) -> Ed25519PrivateKey:
         raise CrewKeyError(f"{path}: other users may use this key (mode {mode:04o}): chmod 600 {path}")
     try:
         key = serialization.load_pem_private_key(data, None)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, UnsupportedAlgorithm):
         key = None
     if not isinstance(key, Ed25519PrivateKey):
         raise CrewKeyError(f"{path}: is not an Ed25519 private key in PEM without a pass phrase")
@@ -41,7 +41,7 @@ def load_public_keys(paths: tuple[str, ...]) -> dict[str, Ed25519PublicKey]:
     for name in paths:
         try:
             key = serialization.load_pem_public_key(_content(Path(name)))
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, UnsupportedAlgorithm) as error:
             if isinstance(error, CrewKeyError):
                 raise
             key = None

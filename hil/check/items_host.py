@@ -64,11 +64,15 @@ def origin(context: Context) -> Reading:
 
 @check("host.bus", unit="ms")
 def bus(context: Context) -> Reading:
-    """Tried: median latency of the live bus between two leaves on this computer."""
+    """Tried: median latency of the live bus between two leaves on this computer, and whether pictures arrive."""
     report = measure_bus()
     lost = report.sent - report.arrived
     detail = f"worst {report.worst_ms:.1f} ms of {report.arrived}" + (f", {lost} lost" if lost else "")
-    return Reading(report.median_ms, detail, "zenoh over loopback", ok=False if lost > 0.02 * report.sent else None)
+    detail += f", {report.pictures} of {report.pictures_sent} pictures" + (
+        f"; {report.remark}" if report.remark else ""
+    )
+    failed = lost > 0.02 * report.sent or report.pictures < 0.9 * report.pictures_sent
+    return Reading(report.median_ms, detail, "zenoh over loopback", ok=False if failed else None)
 
 
 @check("host.clock", unit="ms")

@@ -72,12 +72,14 @@ def hub(
     from hil.assembly.rig import load_rig
     from hil.bus.keys import access_control
     from hil.bus.leaf import BusError
+    from hil.bus.session import no_shared_memory
     from hil.live.hub import serve_hub
 
     try:
         address, own = hub_endpoint(endpoint, keys), credentials(keys, ["hub"])
         access = access_control(service_nodes(load_rig(rig))) if keys is not None else None
-        print(f"hub on {address}, end it with Ctrl-C", file=sys.stderr)
+        for line in filter(None, (no_shared_memory(), f"hub on {address}, end it with Ctrl-C")):
+            print(line, file=sys.stderr)
         serve_hub(address, own, access, with_parent=False)
     except ValueError as error:
         raise fail(str(error)) from None
@@ -110,6 +112,7 @@ def node(
     Exit code: 0 the run is over, 2 usage or configuration, 3 no hub, the run's host was lost, or a device is not there.
     """
     from hil.bus.leaf import BusError
+    from hil.bus.session import no_shared_memory
     from hil.live.main import serve
     from hil.live.options import check_identities, check_service
     from hil.live.spec import LiveSpec
@@ -130,6 +133,8 @@ def node(
             plan.check_latency(time.perf_counter)
         if receipts is not None:
             receipts.mkdir(parents=True, exist_ok=True)
+        if no_shared_memory():
+            print(no_shared_memory(), file=sys.stderr)
         code = serve(spec, service, spec.services(plan.rig)[service], remote=True, wait_s=wait)
     except ValueError as error:
         raise fail(str(error)) from None

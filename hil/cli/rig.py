@@ -41,12 +41,16 @@ def rig_check(
     from hil.assembly.rig import load_rig
     from hil.cli.screen import print_json, say
     from hil.live.reach import reach
-    from kernel.toml_errors import ConfigError
+    from policies.flying.contract import ContractError
+    from policies.flying.registry import policy_factory
+    from vehicle.quadrotor.airframe import load_airframe
 
     try:
-        found = reach(load_rig(rig))
-    except ConfigError as error:
+        read = load_rig(rig)
+        policy_factory(read.policy.kind, load_airframe(read.vehicle.airframe), guidance=read.policy.guidance)
+    except (ContractError, ValueError) as error:
         raise fail(str(error)) from None
+    found = reach(read)
     if as_json:
         print_json([asdict(slot) for slot in found])
     else:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,8 +19,8 @@ from hil.host.space import check_space
 from hil.recording.foxglove import FoxgloveView
 from hil.recording.provenance import Code
 from hil.recording.receipts import ReceiptBook, Receipted
-from hil.recording.recorder import Recorder
-from hil.recording.runs import Run, new_run, policy_identity
+from hil.recording.recorder import Recorder, RecordingError
+from hil.recording.runs import SCORE, Run, new_run, policy_identity
 from hil.scoring.score import ABORTED, Score, Scorer
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import draw
@@ -121,8 +120,10 @@ def fly(
     state, now_ns, wall = "failed", 0, time.perf_counter()
     try:
         view = FoxgloveView(simulation.camera, pictures, scenario.board.size)
-        book = ReceiptBook(run.path / "receipts.mcap", simulation.nodes)
-        with closing(book), Recorder(run.recording, view=view) as recorder:
+        with (
+            ReceiptBook(run.path / "receipts.mcap", simulation.nodes) as book,
+            Recorder(run.recording, view=view) as recorder,
+        ):
 
             def tap(now: int, topic: str, message: Any) -> None:
                 recorder(now, topic, message)
@@ -132,18 +133,24 @@ def fly(
                     viewer(now, topic, message)
 
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
+            ended = "finished"
             try:
                 now_ns = host.run(lambda _: watch.stage == "ended")
-                state = "failed" if watch.failure else "finished"
+                ended = "failed" if watch.failure else "finished"
             except KeyboardInterrupt:
-                now_ns, state = clock.now_ns, "interrupted"
-                tap(now_ns, "event", Event(now_ns, "warning", "supervisor", f"{ABORTED}{state}"))
+                now_ns, ended = clock.now_ns, "interrupted"
+                tap(now_ns, "event", Event(now_ns, "warning", "supervisor", f"{ABORTED}{ended}"))
             watch.finish(now_ns)
+        state = ended  # not before both files have their ends
     finally:
         for node in simulation.nodes:
             node.close()
         score = scorer.result()
-        run.write_score(score.as_dict())
-        run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall, virtual_s=now_ns * 1e-9)
+        fault = run.finish(
+            state, datetime.now(UTC), {SCORE: score.as_dict()},
+            wall_s=time.perf_counter() - wall, virtual_s=now_ns * 1e-9,
+        )  # fmt: skip
+    if fault:
+        raise RecordingError(fault)
     failure = "" if state == "interrupted" else watch.failure
     return Flight(score, run, watch.real_time_factor, failure, counters(simulation.nodes), state == "interrupted")

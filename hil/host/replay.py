@@ -131,10 +131,12 @@ def _numbers(run: Path) -> dict[str, dict[str, Any]]:
 def _numbered(recording: Recording, topic: str, numbers: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
     """(number, message) of a topic as its publisher numbered them."""
     table = numbers.get(topic, {"first": 0, "missing": []})
-    missing, number = set(table["missing"]), table["first"]
+    # a recording of before they were pairs has single numbers
+    ranges = iter([one if isinstance(one, list) else (one, one) for one in table["missing"]])
+    number, (first, last) = table["first"], next(ranges, (-1, -1))
     for entry in recording.messages([topic]):
-        while number in missing:
-            number += 1
+        while number == first:
+            number, (first, last) = last + 1, next(ranges, (-1, -1))
         yield number, entry.message
         number += 1
 

@@ -20,10 +20,16 @@ def bring_down(supervisor: Supervisor, ended: Ended) -> None:
     """Bring all services to the safe state; a second Ctrl-C ends the wait. Failures are noted in `ended`."""
     try:
         supervisor.abort(ended.trouble or "interrupted")
+        if supervisor.floods is not None:
+            supervisor.floods.count_all()
         culprit = ended.trouble.split(" ")[0]
         if culprit == "hub":
             supervisor.drop_hub()
         wait(supervisor, lambda: False, _RECEIVED_S)
+        flood = supervisor.floods.fault() if supervisor.floods is not None and ended.trouble else ""
+        if flood:  # the cause: what was noticed first may be any service that had no time left
+            ended.trouble = f"{flood}; {ended.trouble}"
+            supervisor.report("error", flood)
         # a simulated vehicle whose process has ended cannot report that it has landed
         limit_s = _WITNESS_S if culprit == "vehicle_device" else LAND_LIMIT_S
         await_drivers(supervisor, limit_s)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from contextlib import nullcontext
 from typing import Any
 
 from hil.bus.keys import access_control
 from hil.bus.leaf import Credentials, open_hub
+from hil.bus.refusals import Refusals
 from hil.live.liveness import Presence
 from hil.live.spec import LiveSpec
 
@@ -37,7 +39,8 @@ def serve_hub(
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
-    with open_hub(endpoint, credentials, access):
+    port = int(endpoint.rpartition(":")[2])
+    with Refusals(port) if credentials is not None else nullcontext(), open_hub(endpoint, credentials, access):
         while not done.wait(0.5):
             if orphaned():
                 done.wait(_LINGER_S)

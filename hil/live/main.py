@@ -16,6 +16,7 @@ from hil.assembly.node_table import SERVICES
 from hil.bus.clock import DateWatch
 from hil.bus.leaf import Bus, BusError
 from hil.live.liveness import Presence
+from hil.live.messages.log import log_line
 from hil.live.priority import StepPriority, take_priority
 from hil.live.process import PARENT, die_with_parent
 from hil.live.run_clock import RunTime
@@ -60,13 +61,13 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
     nodes = [assembly.node(name) for name in names]
     row = SERVICES[service]
     take_priority(row.priority)  # not earlier: building may take long; before the bus, whose thread inherits it
-    with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s) as bus:
+    with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s, identity=service) as bus:
         run_time = RunTime(bus.clock(), DateWatch() if remote else None)
         book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
         live = LiveService(
             service, nodes, bus, run_time, presence=presence, book=book, trouble=lambda: wires.trouble,
             serves=serves, descriptors=wires.descriptors, phase_ns=row.phase_ns,
-            step_priority=StepPriority(row.priority),
+            step_priority=StepPriority(row.priority), remarks=wires.remarks,
         )  # fmt: skip
 
         def stop(_: int, __: FrameType | None) -> None:
@@ -108,7 +109,7 @@ def main() -> int:
             return hub(spec)
         return serve(spec, service, spec.services()[service])
     except (BusError, WireError, RecordingError, ProvenanceError, ValueError, OSError) as error:  # the last: no answer
-        print(f"perch-hil: {service}: {error}", file=sys.stderr, flush=True)
+        log_line(f"perch-hil: {service}: {error}")
         return COULD_NOT_RUN
 
 

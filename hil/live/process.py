@@ -79,7 +79,10 @@ class Process:
 
     def last_line(self) -> str:
         """The last line it wrote."""
-        lines = self.log.read_text(errors="replace").strip().splitlines()
+        try:
+            lines = self.log.read_text(errors="replace").strip().splitlines()
+        except OSError:
+            lines = []
         return lines[-1].removeprefix("perch-hil: ") if lines else ""
 
     def why(self) -> str:

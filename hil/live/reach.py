@@ -49,7 +49,8 @@ def _vehicle(rig: Rig, listen_s: float) -> Reached:
         time.sleep(0.01)
     wire.close()
     if frames:
-        return Reached("vehicle", slot.kind, True, f"MAVLink comes in on {slot.url}")
+        late = getattr(wire, "remark", "")
+        return Reached("vehicle", slot.kind, True, f"MAVLink comes in on {slot.url}" + (f"; {late}" if late else ""))
     other = parser.garbage_bytes or getattr(wire, "others_dropped", 0)
     rubbish = "; data that are no MAVLink came" if other else ""
     return Reached("vehicle", slot.kind, False, f"no MAVLink on {slot.url} for {listen_s:g} s{rubbish}")

@@ -16,18 +16,24 @@ from typing import Any
 
 from hil.assembly.sensing import mounted_cameras
 from hil.bus.leaf import CONTROL, HEALTH, Bus, Delivery, Mailbox
+from hil.bus.mailbox import PICTURES
 from hil.contract.topics import TOPICS
 from hil.live.liveness import Presence, footprint
+from hil.live.messages.authors import attributed
+from hil.live.messages.orders import Orders
 from hil.live.run_clock import RunTime
 from hil.live.spec import LiveSpec
+from hil.recording.disk_sync import DiskSync
 from hil.recording.foxglove import FoxgloveView
-from hil.recording.recorder import Recorder
+from hil.recording.recorder import Recorder, RecordingError
 from hil.recording.runs import write_json
+from kernel.stamps import CLOCK_ERROR_NS
 from vehicle.quadrotor.airframe import load_airframe
 
 SETTLE_NS = 250_000_000  # how long a message waits for older ones
 _TURN_S, _HEALTH_S = 0.02, 0.5
 _PREVIEW_NS = 58_000_000  # pictures at shorter intervals do not belong to a 15 Hz preview
+_MOST_WAITING = 100_000  # messages: of a flood, or before the run starts
 _WITNESS_S = 22.0  # recorded after the supervisor is lost: all services have reached the safe state by then
 
 
@@ -39,9 +45,13 @@ class Sorter:
         self._settle_ns, self._heap = settle_ns, []
         self._serial = self._written_ns = self.late = 0
 
-    def add(self, delivery: Delivery) -> None:
+    def add(self, delivery: Delivery, now_ns: int) -> None:
+        """`now_ns`: the time of arrival. A publication time later than that is broken, and replaced by it."""
         self._serial += 1
-        heapq.heappush(self._heap, (delivery.published_ns, self._serial, delivery))
+        if len(self._heap) >= _MOST_WAITING:
+            heapq.heappop(self._heap)
+            self.late += 1
+        heapq.heappush(self._heap, (min(delivery.published_ns, now_ns + CLOCK_ERROR_NS), self._serial, delivery))
 
     def take(self, now_ns: int | None) -> list[tuple[int, Delivery]]:
         """What has waited long enough at `now_ns`; everything for None."""
@@ -73,14 +83,18 @@ class Ending:
 
 
 def record(spec: LiveSpec) -> int:
-    """Record until stopped. Raises RecordingError if that is not possible, BusError without a hub."""
+    """Record until stopped. Raises RecordingError if that is not possible, BusError without a hub.
+
+    A file that cannot be written any more (a full disk) ends this process only: the last health says why, and the
+    supervisor ends the run in order.
+    """
     assert spec.folder is not None
     plan = spec.plan()
     camera = mounted_cameras(plan.rig.camera, load_airframe(plan.rig.vehicle.airframe), spec.draw(plan))[1]
     view = FoxgloveView(camera, spec.pictures, plan.scenario.board.size)
     # not urgent, but much work: each hand-over of the interpreter costs a wait for a core on a busy machine
     sys.setswitchinterval(2e-2)
-    state, presence, ending = {"orders": [], "published_s": 0.0}, Presence(), Ending()
+    presence, ending, published_s = Presence(), Ending(), 0.0
     period_ns = _PREVIEW_NS if spec.pictures == "preview" else 0
     mailbox = Mailbox(depth=8192, pictures=60, urgent=(), picture_period_ns=period_ns)
     sorter, seen = Sorter(), _Seen()
@@ -92,52 +106,64 @@ def record(spec: LiveSpec) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
 
-    def take(order: dict[str, Any]) -> None:
-        presence.received()
-        state["orders"].append(order)
-
-    def publish_health(bus: Bus, what: str, at_most_every_s: float = 0.0) -> bool:
-        if time.monotonic() - state["published_s"] < at_most_every_s:
+    def publish_health(bus: Bus, what: str, at_most_every_s: float = 0.0, why: str = "") -> bool:
+        nonlocal published_s
+        if time.monotonic() - published_s < at_most_every_s:
             return False
-        state["published_s"] = time.monotonic()
-        table = {"service": "recorder", "pid": os.getpid(), "state": what, "late": sorter.late, "nodes": {}}
-        table |= {"lost": dict(mailbox.lost), "dropped": dict(mailbox.dropped), **footprint()}
+        published_s = time.monotonic()
+        table = {
+            "service": "recorder", "pid": os.getpid(), "host": os.uname().nodename, "session": bus.session,
+            "state": what, "why": why, "late": sorter.late, "nodes": {}, "lost": dict(mailbox.lost),
+            "dropped": dict(mailbox.dropped), "strangers": dict(mailbox.strangers), "garbage": mailbox.garbage,
+            "counters": {"not shown": recorder.not_shown} if recorder.not_shown else {}, **footprint(),
+        }  # fmt: skip
         bus.send_table(HEALTH + "recorder", table)
         return True
 
     with (
+        Bus(spec.endpoint, spec.credentials("recorder"), timeout_s=10.0, identity="recorder") as bus,
         Recorder(spec.folder / "run.mcap", view=view) as recorder,
-        Bus(spec.endpoint, spec.credentials("recorder"), timeout_s=10.0) as bus,
+        DiskSync(recorder.path) as disk,
     ):
         wanted = [t for t, row in TOPICS.items() if row.recorded and (t != "camera/image" or spec.pictures != "none")]
         bus.subscribe("recorder", wanted, mailbox)
-        bus.on_table(CONTROL, take)
+        orders = Orders("recorder", bus.session)
+        bus.on_table(CONTROL, lambda table: presence.received() if orders.put(table) else None)
         run_time = RunTime(bus.clock())
         gc.collect()
         gc.freeze()  # one collection over all imported objects takes 0.1 s
-        while not ending.due:
-            time.sleep(_TURN_S)
-            for order in _orders(state["orders"]):
-                if order.get("order") == "go":
-                    run_time.begin(int(order["epoch_ns"]))
-                elif order.get("order") == "stop" and order.get("service") == "recorder":
-                    ending.ask()
+
+        def drain() -> None:
             for delivery in mailbox.drain():
-                seen.note(delivery)
-                sorter.add(delivery)
-            if run_time.begun:
-                for now, delivery in sorter.take(run_time.now()):
-                    recorder(now, delivery.topic, delivery.message)
-                    publish_health(bus, "running", _HEALTH_S)  # else a burst looks like a recorder that has ended
-            if publish_health(bus, "running" if run_time.begun else "ready", _HEALTH_S):
-                ending.look(bool(presence.gone()), state["published_s"])
-        for delivery in mailbox.drain():
-            seen.note(delivery)
-            sorter.add(delivery)
-        for now, delivery in sorter.take(None):
-            recorder(now, delivery.topic, delivery.message)
-        recorder.close()  # before the bus, whose closing takes long if the hub has ended
-        write_json(spec.folder / "numbers.json", seen.table())
+                if run_time.begun or delivery.topic != PICTURES:  # no memory is enough for all that come before
+                    seen.note(delivery)
+                    sorter.add(attributed(delivery), run_time.now() if run_time.begun else 0)
+
+        try:
+            while not ending.due:
+                time.sleep(_TURN_S)
+                for order in orders.take():
+                    if order["order"] == "go":
+                        run_time.begin(order["epoch_ns"])
+                    elif order["order"] == "stop" and order.get("service") == "recorder":
+                        ending.ask()
+                drain()
+                if run_time.begun:
+                    for now, delivery in sorter.take(run_time.now()):
+                        recorder(now, delivery.topic, delivery.message)
+                        publish_health(bus, "running", _HEALTH_S)  # else a burst looks like a recorder that has ended
+                if disk.fault:
+                    raise RecordingError(disk.fault)
+                if publish_health(bus, "running" if run_time.begun else "ready", _HEALTH_S):
+                    ending.look(bool(presence.gone()), published_s)
+            drain()
+            for now, delivery in sorter.take(None):
+                recorder(now, delivery.topic, delivery.message)
+            recorder.close()  # before the bus, whose closing takes long if the hub has ended
+            write_json(spec.folder / "numbers.json", seen.table())
+        except (OSError, RecordingError) as error:
+            publish_health(bus, "failed", why=str(error))
+            raise
         publish_health(bus, "stopped")
     return 0
 
@@ -148,24 +174,19 @@ class _Seen:
     def __init__(self) -> None:
         self._first: dict[str, int] = {}
         self._next: dict[str, int] = {}
-        self._missing: dict[str, list[int]] = {}
+        self._missing: dict[str, list[tuple[int, int]]] = {}
 
     def note(self, delivery: Delivery) -> None:
         if delivery.topic == "event":  # several publishers, and no node's input
             return
-        if delivery.topic not in self._first:
-            self._first[delivery.topic] = delivery.sequence
-        else:
-            self._missing.setdefault(delivery.topic, []).extend(range(self._next[delivery.topic], delivery.sequence))
+        expected = self._next.get(delivery.topic, delivery.sequence)
+        self._first.setdefault(delivery.topic, delivery.sequence)
+        if delivery.sequence > expected:
+            self._missing.setdefault(delivery.topic, []).append((expected, delivery.sequence - 1))
         self._next[delivery.topic] = delivery.sequence + 1
 
     def table(self) -> dict[str, Any]:
+        """topic -> `first` number, and what is `missing` after it as pairs (first, last)."""
         return {
             topic: {"first": first, "missing": self._missing.get(topic, [])} for topic, first in self._first.items()
         }
-
-
-def _orders(waiting: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    taken = waiting[:]
-    del waiting[: len(taken)]
-    return taken

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import socket
 import time
+import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,8 +15,8 @@ from typing import Any
 from hil.assembly.plan import Plan
 from hil.bus.clock import Clock, DateWatch
 from hil.bus.leaf import Bus
+from hil.bus.session import no_shared_memory
 from hil.contract.graph import GraphError
-from hil.contract.messages import Event
 from hil.host.flight import Flight
 from hil.host.space import check_space
 from hil.live.ending import TURN_S, await_drivers, bring_down
@@ -28,7 +30,7 @@ from hil.live.spec import LiveSpec, run_digests
 from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
 from hil.recording.provenance import Code
-from hil.recording.runs import new_run, policy_identity, write_json
+from hil.recording.runs import SCORE, new_run, policy_identity
 from vehicle.px4.driver.arming import Arming
 
 _OVERTIME_S = 150.0  # prepare and margin on top of the scenario's lead and time limit
@@ -93,6 +95,7 @@ def fly_live(
     wall, state = time.perf_counter(), "failed"
     ended = Ended()
     supervisor = Supervisor(logs / "spec.json", endpoint, logs, remote, digests)
+    progress = _without_terminal(progress)
     try:
         with supervisor:
             try:
@@ -101,23 +104,17 @@ def fly_live(
                 supervisor.stop()
                 ended.health = supervisor.health
                 ended.remarks += supervisor.remarks
-                killed = [remark for remark in supervisor.remarks if remark.startswith("recorder had to be stopped")]
-                if killed and killed[0].endswith("SIGKILL") and not ended.interrupted:
-                    ended.trouble = ended.trouble or f"{killed[0]}: the recording lacks its end"
+                cut = [r for r in supervisor.remarks if r.startswith("recorder ") and not r.endswith("SIGTERM")]
+                if cut and not ended.interrupted:
+                    ended.trouble = ended.trouble or f"{cut[0]}: the recording lacks its end"
         state = "interrupted" if ended.interrupted else "failed" if ended.trouble or ended.failure else "finished"
     finally:
         leaked = remove_orphaned_memory(supervisor.memory)
         score, table = judge(run, plan, seed, ended)
         table["shared_memory_removed"] = len(leaked)
-        for write in (
-            lambda: run.finish(state, datetime.now(UTC), wall_s=time.perf_counter() - wall),
-            lambda: write_json(run.path / "live.json", table),
-            lambda: run.write_score(score.as_dict()),
-        ):
-            try:
-                write()
-            except OSError as error:  # a full disk: the result is returned all the same
-                ended.trouble = ended.trouble or f"{run.path} cannot be written: {error.strerror}"
+        files = {"live.json": table, SCORE: score.as_dict()}
+        fault = run.finish(state, datetime.now(UTC), files, wall_s=time.perf_counter() - wall)
+        ended.trouble = ended.trouble or fault  # a full disk: the result is returned all the same
     counters: dict[str, int] = {}
     for one in ended.health.values():
         for name, count in one.get("counters", {}).items():
@@ -137,7 +134,7 @@ def _fly(
     arming: Arming | None,
 ) -> None:
     """Start, monitor and end the run; the outcome is noted in `ended`."""
-    wanted = list(spec.services(plan.rig))
+    wanted, gone = list(spec.services(plan.rig)), False
     events: RunEvents | None = None
     try:
         try:
@@ -155,25 +152,22 @@ def _fly(
             _check_graph(supervisor, wanted)
             ended.before = load_now()
             hub_clock, date = _hub_clock(bus), DateWatch()
-            started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns, arming=arming)
-
-            def publish_event(severity: str, text: str) -> None:
-                now_ns = time.monotonic_ns() - started_ns
-                bus.publish(now_ns, "event", Event(now_ns, severity, "supervisor", text))
-
+            supervisor.go(ahead_ns=hub_clock.offset_ns, arming=arming)
+            gone = True
             for service in remote:
                 for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
-                    publish_event("info", line)
+                    supervisor.report("info", line)
+            remarks = [text for text in (no_shared_memory(),) if text]
             limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
             while events.stage != "ended":
                 time.sleep(TURN_S)
                 supervisor.beat()
                 events.take()
                 watch(supervisor)
-                stepped = date.text()
-                if stepped:
-                    ended.remarks.append(stepped)
-                    publish_event("warning", stepped)
+                for text in (*remarks, *supervisor.warnings(), *filter(None, [date.text()])):
+                    ended.remarks.append(text)
+                    supervisor.report("warning", text)
+                remarks.clear()
                 ended.trouble = supervisor.trouble()
                 if not ended.trouble and time.monotonic() > limit:
                     ended.trouble = f"the run did not end in time (stage {events.stage})"
@@ -181,6 +175,12 @@ def _fly(
                     break
         except KeyboardInterrupt:
             ended.interrupted = True
+        except Exception as error:  # a fault of the supervisor itself: vehicle and car are brought down all the same
+            if not gone:
+                raise
+            ended.trouble = f"supervisor failed: {type(error).__name__}: {error}"
+            with suppress(OSError):
+                (spec.folder or Path()).joinpath("live", "supervisor.log").write_text(traceback.format_exc())
         if ended.trouble or ended.interrupted:
             if events is not None:
                 bring_down(supervisor, ended)
@@ -194,6 +194,16 @@ def _fly(
     finally:
         if events is not None:
             events.close()
+
+
+def _without_terminal(progress: Callable[[int, str], None]) -> Callable[[int, str], None]:
+    """`progress`, which may print: a terminal that was closed, or a full disk, ends no flight."""
+
+    def called(now_ns: int, stage: str) -> None:
+        with suppress(OSError):
+            progress(now_ns, stage)
+
+    return called
 
 
 def _check_graph(supervisor: Supervisor, wanted: list[str]) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 from hil.bus.leaf import Bus, Mailbox
 from hil.contract.messages import Event, Stage
 from hil.host.failure import why_no_attempt
+from hil.live.messages.authors import attributed
+
+_MOST = 100  # errors that are kept, the newest
 
 
 class RunEvents:
@@ -16,7 +20,8 @@ class RunEvents:
         self._mailbox, self._progress = Mailbox(urgent=()), progress
         bus.subscribe("supervisor", ("run/stage", "event"), self._mailbox)
         self.stage = "prepare"
-        self.errors: list[str] = []
+        self.errors: deque[str] = deque(maxlen=_MOST)
+        self._causes: deque[tuple[str, str]] = deque(maxlen=_MOST)  # source and text of those that explain a failure
 
     def take(self) -> None:
         """Take what has arrived since the last call."""
@@ -26,9 +31,14 @@ class RunEvents:
                 self.stage = stage.name
                 self._progress(stage.stamp_ns, stage.name)
             else:
-                event: Event = delivery.message
-                if event.severity == "error":
-                    self.errors.append(f"{event.source}: {event.text}")
+                self.note(attributed(delivery).message)
+
+    def note(self, event: Event) -> None:
+        """Keep an error."""
+        if event.severity == "error":
+            self.errors.append(f"{event.source}: {event.text}")
+            if event.source in ("director", "vehicle_link"):
+                self._causes.append((event.source, event.text))
 
     def failure(self, troubled: bool) -> str:
         """Texts of the errors that made the run fail; empty if the run did not fail.
@@ -36,10 +46,10 @@ class RunEvents:
         `troubled`: the supervisor has ended the run, for a reason of its own.
         """
         if not troubled:
-            why = why_no_attempt([(source, text) for source, _, text in (e.partition(": ") for e in self.errors)])
+            why = why_no_attempt(list(self._causes))
             if why or self.stage == "ended":
                 return why
-        return "; ".join(self.errors[-3:])
+        return "; ".join(list(self.errors)[-3:])
 
     def close(self) -> None:
         self._mailbox.close()

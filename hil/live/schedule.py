@@ -79,7 +79,7 @@ class Schedule:
         self._delayed: list[tuple[int, int, Out]] = []
         self._ticks: list[tuple[int, int]] = []
         self._serial = 0
-        self.receipts_lost = ""
+        self.receipts_lost = self.unpublished = ""  # the first cause of each
 
     @property
     def nodes(self) -> list[Node]:
@@ -168,7 +168,12 @@ class Schedule:
             self.receipts_lost = str(error)
 
     def _publish(self, out: Out) -> None:
-        self._put(out.topic, out.message, self._bus_publish(out.topic, out.message))
+        try:
+            number = self._bus_publish(out.topic, out.message)
+        except CodecError as error:  # a lost message; its node, which may drive a device, is stepped on
+            self.unpublished = self.unpublished or f"a message could not be published: {error}"
+            return
+        self._put(out.topic, out.message, number)
         for rank in self._wakes.get(out.topic, ()):
             self.step(rank, self._now())
 
@@ -184,5 +189,5 @@ class Schedule:
         if self._book is not None:
             try:
                 self._book.close()
-            except OSError as error:
-                self.receipts_lost = self.receipts_lost or f"closing the receipts failed: {error.strerror}"
+            except RecordingError as error:
+                self.receipts_lost = self.receipts_lost or str(error)

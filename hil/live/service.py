@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from typing import Any
 
 from hil.assembly.simulation import counters
@@ -18,6 +18,8 @@ from hil.contract.messages import Event
 from hil.contract.node import Node
 from hil.live.graph import declare
 from hil.live.liveness import Presence, footprint
+from hil.live.messages.log import log_line
+from hil.live.messages.orders import Orders
 from hil.live.run_clock import RunTime
 from hil.live.schedule import Schedule
 from hil.recording.receipts import ReceiptBook
@@ -46,15 +48,17 @@ class LiveService:
         descriptors: Mapping[int, str] | None = None,
         phase_ns: int = 0,
         step_priority: AbstractContextManager[None] | None = None,
+        remarks: Sequence[str] = (),
     ) -> None:
         """`presence` watches for the supervisor; `serves` says for which run this process was built (`run_digests`).
 
         `descriptors`: of wires that wake a node, whose period then only has to be kept as far as `WIRE_PERIOD_NS`.
         `phase_ns`: when the first deadlines are, after the run's start. `step_priority` is entered for every step.
+        `remarks` are published as warnings.
         """
         self.name, self._bus, self._time, self._serves = name, bus, run_time, dict(serves or {})
         self._presence = presence or Presence()
-        self._trouble, self._phase_ns = trouble, phase_ns
+        self._trouble, self._phase_ns, self._remarks = trouble, phase_ns, remarks
         wires = descriptors or {}
         self._schedule = Schedule(
             nodes, self._publish, run_time.now, book=book, wired=set(wires.values()), step_priority=step_priority
@@ -67,7 +71,7 @@ class LiveService:
         for node in nodes:  # what is made in this process is passed on within it
             bus.subscribe(node.name, [t for t in node.inputs if t not in produced], self._mailbox)
         bus.announce(sorted(produced))
-        self._orders: list[dict[str, Any]] = []
+        self._orders = Orders(name, bus.session)
         bus.on_table(CONTROL, self._order)
         self._health_ns = 0
         self._stop = self._gone = False
@@ -77,10 +81,10 @@ class LiveService:
         self._reported: set[str] = set()
 
     def _order(self, table: dict[str, Any]) -> None:
-        self._presence.received()
-        if table.get("order") != "watch":
-            self._orders.append(table)
-            self._mailbox.wake()
+        if self._orders.put(table):
+            self._presence.received()
+            if table["order"] != "watch":
+                self._mailbox.wake()
 
     def stop(self) -> None:
         """End as soon as the step under way is done (safe in a signal handler)."""
@@ -89,7 +93,7 @@ class LiveService:
 
     @property
     def lost(self) -> bool:
-        """Whether it ended because the supervisor was lost."""
+        """Whether it ended because the supervisor was lost, or runs with another process of this service."""
         return self._gone
 
     def orphaned(self) -> None:
@@ -105,14 +109,18 @@ class LiveService:
             self._publish_health(0, "ready")
             self._mailbox.wait(_IDLE_NS)
             for order in self._take_orders():
-                if order.get("order") == "go":
+                if order["order"] == "go":
+                    displaced = self._orders.displaced(order)
+                    if displaced:
+                        self._log(displaced)
+                        self._gone = True
+                        return False
                     for node in self._schedule.nodes:
                         node.permit(order.get("arming"))
-                    self._time.begin(int(order["epoch_ns"]))
+                    self._time.begin(order["epoch_ns"])
             if self._time.begun:
                 self._wait_for_start()
-                self._mailbox.drain()
-                self._mailbox.lost.clear()
+                self._mailbox.forget()
                 return True
             if self._presence.gone():
                 self._gone = True
@@ -139,7 +147,7 @@ class LiveService:
 
     def _turn(self, woken: Sequence[int] = ()) -> None:
         for order in self._take_orders():
-            if order.get("order") == "abort" and self._abort_ns is None:
+            if order["order"] == "abort" and self._abort_ns is None:
                 self._abort(str(order.get("why", "")))
         self._schedule.receive(self._mailbox.drain())
         for fd in woken:
@@ -159,9 +167,15 @@ class LiveService:
         self._publish_health(now_ns, "aborted" if self._abort_ns is not None else "running")
         if self._schedule.receipts_lost:
             self._report_once(now_ns, "warning", f"this run cannot be replayed: {self._schedule.receipts_lost}")
+        if self._schedule.unpublished:
+            self._report_once(now_ns, "error", self._schedule.unpublished)
+        if self._orders.refused:
+            self._report_once(now_ns, "warning", self._orders.refused)
+        for topic in list(self._mailbox.strangers):
+            self._report_once(now_ns, "warning", f"{topic} comes from a second process too, and is not taken from it")
         for text in self._trouble():
             self._report_once(now_ns, "error", text)
-        for text in self._time.remarks():
+        for text in (*self._remarks, *self._time.remarks()):
             self._report_once(now_ns, "warning", text)
         gone = self._presence.gone()
         if gone and not self._gone:
@@ -177,9 +191,7 @@ class LiveService:
             node.abort(why)
 
     def _log(self, text: str) -> None:
-        """A line in the service's log. A full disk keeps no node from its safe state."""
-        with suppress(OSError):
-            print(f"{self.name}: {text}", flush=True)
+        log_line(f"{self.name}: {text}")
 
     def _nodes_safe(self) -> bool:
         return all(node.safe for node in self._schedule.nodes)
@@ -197,14 +209,8 @@ class LiveService:
         return self._time.now()
 
     def _take_orders(self) -> list[dict[str, Any]]:
-        orders = []
-        while self._orders:
-            order = self._orders.pop(0)
-            if order.get("service") not in (None, self.name):
-                continue
-            if order.get("order") == "stop":
-                self._stop = True
-            orders.append(order)
+        orders = self._orders.take()
+        self._stop = self._stop or any(order["order"] == "stop" for order in orders)
         return orders
 
     def _publish(self, topic: str, message: Any) -> int:
@@ -222,10 +228,12 @@ class LiveService:
         """The health of this process, for the supervisor and `perch-hil status`."""
         mailbox = self._mailbox
         return {
-            "service": self.name, "pid": os.getpid(), "state": state, "now_ns": now_ns,
+            "service": self.name, "pid": os.getpid(), "host": os.uname().nodename, "session": self._bus.session,
+            "state": state, "now_ns": now_ns,
             "outputs": sorted({topic for node in self._schedule.nodes for topic in node.outputs}),
             "nodes": {node: vars(pace) for node, pace in self._schedule.paces},
             "dropped": dict(mailbox.dropped), "lost": dict(mailbox.lost), "garbage": mailbox.garbage,
+            "strangers": dict(mailbox.strangers),
             "counters": counters(self._schedule.nodes), "safe": self._nodes_safe(), "why": self._why,
             "clock": self._time.table(), **footprint(),
             **({"graph": declare(self._schedule.nodes), "serves": self._serves} if state == "ready" else {}),

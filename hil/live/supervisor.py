@@ -22,6 +22,8 @@ from typing import Any
 from hil.bus.leaf import CONTROL, HEALTH, Bus, BusError
 from hil.contract.messages import Event
 from hil.contract.topics import TOPICS
+from hil.live.messages.floods import Floods
+from hil.live.messages.health_book import HealthBook
 from hil.live.orphaned import mapped_memory
 from hil.live.process import Process
 from hil.live.run_clock import clock_fault
@@ -60,13 +62,15 @@ class Supervisor:
         self._remote, self._serves = [s for s in remote if s != "hub"], dict(serves or {})
         self._processes: dict[str, Process] = {}
         self._bus: Bus | None = None
-        self.health: dict[str, dict[str, Any]] = {}
+        self._book = HealthBook()
+        self.health, self.memory = self._book.health, self._book.memory
+        self.floods: Floods | None = None
         self._received: dict[str, int] = {}
         self._started_ns = 0
         self._standing: dict[str, Any] = {"order": "watch"}
         self._beaten_s = 0.0
+        self._warned: set[str] = set()
         self.remarks: list[str] = []
-        self.memory: set[str] = set()  # names of what this run's processes hold in shared memory
 
     def start(self, service: str) -> None:
         """Start one service's process."""
@@ -79,18 +83,16 @@ class Supervisor:
         while True:
             self._check_ended()
             try:
-                self._bus = Bus(self._endpoint, credentials, timeout_s=1.0)
+                self._bus = Bus(self._endpoint, credentials, timeout_s=1.0, identity="supervisor")
                 break
             except BusError as error:
                 if time.monotonic() > until:
                     raise SupervisorError(str(error)) from None
-        self._bus.on_table(HEALTH + "*", self._note)
-        self._received = self._bus.ages([t for t, row in TOPICS.items() if row.hz and t not in _NOT_WATCHED])
+        self._bus.on_table(HEALTH + "*", self._book.note)
+        self.floods = Floods(self._bus, self.health)
+        watched = [t for t, row in TOPICS.items() if row.hz and t not in _NOT_WATCHED]
+        self._received = self._bus.ages(watched, self.floods.counts)
         return self._bus
-
-    def _note(self, table: dict[str, Any]) -> None:
-        self.health[str(table.get("service"))] = {**table, "received_ns": time.monotonic_ns()}
-        self.memory.update(name for name in table.get("memory", ()) if isinstance(name, str))
 
     def wait_ready(
         self, services: Iterable[str], limit_s: float = READY_LIMIT_S, waiting: Callable[[list[str]], None] = print
@@ -102,9 +104,12 @@ class Supervisor:
             self.beat()
             missing = [s for s in services if self.health.get(s, {}).get("state") != "ready"]
             self._check_built()
+            double = self._book.double()
+            if double:
+                raise SupervisorError(double)
             if not missing:
                 for process in self._processes.values():  # the hub publishes no health
-                    self.memory |= mapped_memory(process.pid)
+                    self.memory.update(mapped_memory(process.pid))
                 return
             self._check_ended()
             if time.monotonic() > until:
@@ -113,7 +118,7 @@ class Supervisor:
             time.sleep(0.1)
 
     def _check_built(self) -> None:
-        for service, table in self.health.items():
+        for service, table in list(self.health.items()):
             remote, serves = service in self._remote, table.get("serves")
             if remote or serves is not None:  # the recorder builds nothing
                 read = serves if isinstance(serves, Mapping) else {}
@@ -133,16 +138,29 @@ class Supervisor:
         """
         assert self._bus is not None
         self._started_ns = time.monotonic_ns() + round(delay_s * 1e9)
-        arming = arming or Arming()
-        self._order({"order": "go", "epoch_ns": self._started_ns + ahead_ns, "arming": arming.table()})
+        order = {"order": "go", "epoch_ns": self._started_ns + ahead_ns, "sessions": self._book.fix()}
+        self._order({**order, "arming": (arming or Arming()).table()})
         return self._started_ns
+
+    def report(self, severity: str, text: str) -> None:
+        """Publish an event at the run's time."""
+        if self._bus is not None:
+            now_ns = max(0, time.monotonic_ns() - self._started_ns)
+            self._bus.publish(now_ns, "event", Event(now_ns, severity, "supervisor", text))
+
+    def warnings(self) -> list[str]:
+        """What does not end the run and is worth a remark, each once: floods, a second process of a service."""
+        found = [self._book.double(), self.floods.warning() if self.floods is not None else ""]
+        fresh = [text for text in found if text and text.partition(" (")[0] not in self._warned]
+        self._warned.update(text.partition(" (")[0] for text in fresh)
+        return fresh
 
     def beat(self) -> None:
         """Publish the order that stands, which shows the supervisor's liveness; to be called several times a second."""
         now = time.monotonic()
         if self._bus is not None and now - self._beaten_s > _BEAT_S:
             self._beaten_s = now
-            self._bus.send_table(CONTROL, self._standing)
+            self._bus.send_table(CONTROL, {**self._standing, "session": self._bus.session})
 
     def _order(self, order: dict[str, Any]) -> None:
         """Send an order to all services, again with every beat: the bus may lose one."""
@@ -153,23 +171,27 @@ class Supervisor:
         """Which process has ended or does not publish, as text; empty while there is no fault."""
         for process in self._processes.values():
             if process.ended() is not None:
-                return process.why()
+                return self._why(process)
         now = time.monotonic_ns()
         if now < self._started_ns:
             return ""
         fault = liveness_fault(now, self.health, self._received, self._watched())
         if not fault:
             return ""
-        return next((one.why() for one in self._processes.values() if one.leaving() is not None), fault)
+        return next((self._why(one) for one in self._processes.values() if one.leaving() is not None), fault)
+
+    def _why(self, process: Process) -> str:
+        """How it ended; with the cause from its last health where its log lacks it (a full disk)."""
+        text, table = process.why(), self.health.get(process.name, {})
+        return f"{text}: {table['why']}" if ": " not in text and table.get("state") == "failed" else text
 
     def _watched(self) -> list[str]:
         return [*(name for name in self._processes if name != "hub"), *self._remote]
 
     def abort(self, why: str) -> None:
         """Order all remaining services to reach their safe state. The recording says since when nothing is scored."""
-        if self._bus is not None and self._started_ns:
-            now_ns = time.monotonic_ns() - self._started_ns
-            self._bus.publish(now_ns, "event", Event(now_ns, "warning", "supervisor", ABORTED + why))
+        if self._started_ns:
+            self.report("warning", ABORTED + why)
         self._order({"order": "abort", "why": why})
 
     def safe(self, service: str) -> bool:
@@ -212,7 +234,10 @@ class Supervisor:
             elif process.ended() is None:
                 self._order_stop(service)
             patience_s, grace_s = (_RECORDER_S, _RECORDER_GRACE_S) if service == "recorder" else (_STOP_S, _GRACE_S)
+            ended = process.ended() is not None
             remark = process.end(patience_s if self._hub_lives() else 0.0, self.beat, grace_s)
+            if service == "recorder" and not (remark or ended) and process.ended():
+                remark = self._why(process)
             if remark:
                 self.remarks.append(remark)
         self._processes.clear()
@@ -220,7 +245,7 @@ class Supervisor:
 
     def _order_stop(self, service: str) -> None:
         if self._bus is not None:
-            self._bus.send_table(CONTROL, {"order": "stop", "service": service})
+            self._bus.send_table(CONTROL, {"order": "stop", "service": service, "session": self._bus.session})
 
     def _hub_lives(self) -> bool:
         hub = self._processes.get("hub")

@@ -86,6 +86,11 @@ class LiveWires:
         return wire
 
     @property
+    def remarks(self) -> list[str]:
+        """What of the opened wires is slower than it could be."""
+        return [wire.remark for wire in self._connections if isinstance(wire, SerialWire) and wire.remark]
+
+    @property
     def trouble(self) -> list[str]:
         """Wires that were lost."""
         return [wire.lost for wire in self._connections if wire.lost]

@@ -35,8 +35,8 @@ def note_parameters(run: Run) -> None:
         if PREFIX + TOPIC in recording.topics:
             held = latest(message for _, _, message in recording.messages([TOPIC]))
             run.add({TABLE: table(held)})
-    except ReadError:
-        return  # a recording that cannot be read is reported elsewhere
+    except (ReadError, OSError):
+        return  # a recording that cannot be read, and a full disk, are reported elsewhere
 
 
 def latest(messages: Iterable[VehicleParameters]) -> dict[str, float]:

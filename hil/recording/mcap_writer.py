@@ -10,6 +10,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import zstandard
@@ -37,10 +38,13 @@ class Lane:
 
 class McapWriter:
     """Writes `path` (which must not exist). Chunks are flushed to the operating system when they span one second of
-    log time or fill up, so that a killed process loses at most that; `close` adds the index that viewers like."""
+    log time or fill up, so that a killed process loses at most that; `close` adds the index that viewers like.
+
+    After a write that failed with an OSError the file ends with its last whole record, and nothing more is written."""
 
     def __init__(self, path: Path, library: str = LIBRARY) -> None:
-        self._file = path.open("xb")
+        self._file = path.open("xb", buffering=0)
+        self._failed = False
         self._zstd = zstandard.ZstdCompressor(level=1)  # as quick as lz4 on these messages and a quarter smaller
         self.lanes = {"small": Lane("zstd", 1 << 20), "pictures": Lane("", 4 << 20)}
         self._lane_of: list[Lane] = []
@@ -101,21 +105,33 @@ class McapWriter:
             self._end_chunk(lane)
 
     def close(self) -> None:
-        """Flush, write the summary and close. Safe to call twice."""
+        """Flush, write the summary and close. Safe to call twice, and after a write that failed."""
         if self._file.closed:
             return
-        self.flush()
-        self._write(_record(DataEnd(data_section_crc=0)))
-        self._write(self._summary(self._file.tell()))
-        self._file.close()
+        try:
+            if not self._failed:
+                self.flush()
+                self._write(_record(DataEnd(data_section_crc=0)))
+                self._write(self._summary(self._file.tell()))
+        finally:
+            self._file.close()
 
     def counts(self) -> dict[str, int]:
         """Messages so far, by topic."""
         return {c.topic: n for c, n in zip(self._channels, self._sequences, strict=True)}
 
     def _write(self, data: bytes) -> None:
-        self._file.write(data)
-        self._file.flush()
+        if self._failed:
+            return
+        at, rest = self._file.tell(), memoryview(data)
+        try:
+            while rest:  # of a disk that fills up a part is taken first
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            self._failed = True
+            with suppress(OSError):
+                self._file.truncate(at)
+            raise
 
     def _end_chunk(self, lane: Lane) -> None:
         if not lane.buffer:

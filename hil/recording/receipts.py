@@ -7,8 +7,10 @@ time and, for each of the node's inputs in order, the numbers of the messages th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 
 from hil.contract.codec import codec
 from hil.contract.node import Inbox, Node, Out
@@ -50,8 +52,20 @@ class ReceiptBook:
             raise RecordingError(f"writing receipts to {self._path} failed: {error.strerror}") from error
 
     def close(self) -> None:
-        """Finish the file; may be called twice."""
-        self._writer.close()
+        """Finish the file; may be called twice. Raises RecordingError if its end cannot be written."""
+        try:
+            self._writer.close()
+        except OSError as error:
+            raise RecordingError(f"writing receipts to {self._path} failed: {error.strerror}") from error
+
+    def __enter__(self) -> ReceiptBook:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(RecordingError) if error is not None else nullcontext():  # the first cause counts
+            self.close()
 
 
 class Receipted(Node):

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -40,6 +41,7 @@ class Recorder:
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         self.path = path
+        self.not_shown = 0
         self._view = view
         wanted = sorted(topics) if topics is not None else [name for name, t in TOPICS.items() if t.recorded]
         unknown = [name for name in wanted if name not in TOPICS]
@@ -66,18 +68,31 @@ class Recorder:
             raise RecordingError(f"cannot record to {path}: {error.strerror}") from error
 
     def __call__(self, now_ns: int, topic: str, message: Any) -> None:
-        """Record `message`, published on `topic` at `now_ns` (the host's tap)."""
+        """Record `message`, published on `topic` at `now_ns` (the host's tap). Raises RecordingError once, when the
+        file cannot be written; what follows is not recorded."""
         try:
             kind = self._codecs.get(topic)
             if kind is not None:
                 self._writer.add(self._channels[topic], now_ns, kind.encode(message))
-            if self._view is not None:
-                for view_topic, data in self._view(topic, message):
-                    self._writer.add(self._view_channels[view_topic], now_ns, data)
+            for view_topic, data in self._shown(topic, message):
+                self._writer.add(self._view_channels[view_topic], now_ns, data)
         except OSError as error:
             raise RecordingError(
                 f"recording to {self.path} failed at {now_ns / 1e9:.2f} s: {error.strerror}"
             ) from error
+
+    def _shown(self, topic: str, message: Any) -> list[tuple[str, bytes]]:
+        """The messages for viewers. One that cannot be shown (a picture of -1 lines, a time of 2^63) is left out of
+        the views and counted in `not_shown`: its own topic keeps it, and the recording goes on."""
+        if self._view is None:
+            return []
+        try:
+            return self._view(topic, message)
+        except OSError:
+            raise
+        except Exception:  # whatever a codec of pictures or protobuf raises for a value from the bus
+            self.not_shown += 1
+            return []
 
     @property
     def counts(self) -> dict[str, int]:
@@ -90,8 +105,11 @@ class Recorder:
         self._writer.flush()
 
     def close(self) -> None:
-        """Finish the file. Safe to call twice."""
-        self._writer.close()
+        """Finish the file. Safe to call twice. Raises RecordingError if its end cannot be written."""
+        try:
+            self._writer.close()
+        except OSError as error:
+            raise RecordingError(f"recording to {self.path} failed at its end: {error.strerror}") from error
 
     def __enter__(self) -> Recorder:
         return self
@@ -99,4 +117,5 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        with suppress(RecordingError) if error is not None else nullcontext():  # the first cause counts
+            self.close()

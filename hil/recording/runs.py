@@ -12,9 +12,11 @@ Simulated and real runs never share an identity: the folder's name and the manif
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -51,10 +53,6 @@ class Run:
         """The verdict, or None if the run did not get as far."""
         return _read_json(self.path / SCORE) if (self.path / SCORE).exists() else None
 
-    def write_score(self, score: Mapping[str, Any]) -> None:
-        """Write score.json in one piece."""
-        write_json(self.path / SCORE, score)
-
     def add(self, tables: Mapping[str, Any]) -> None:
         """Put more into the manifest. Raises RunError for a table that it has already."""
         manifest = self.manifest
@@ -63,12 +61,38 @@ class Run:
             raise RunError(f"{self.path / MANIFEST}: holds {', '.join(taken)} already")
         write_json(self.path / MANIFEST, {**manifest, **tables})
 
-    def finish(self, state: str, ended_utc: datetime, **wall_clock: float) -> None:
-        """Write how the run ended (`finished`, `interrupted`, `failed`), when, and what the wall clock measured."""
-        manifest = self.manifest
-        manifest["state"] = state
-        manifest["wall_clock"].update({"ended_utc": _iso(ended_utc), **wall_clock})
-        write_json(self.path / MANIFEST, manifest)
+    def finish(
+        self, state: str, ended_utc: datetime, files: Mapping[str, Mapping[str, Any]] | None = None, **wall_clock: float
+    ) -> str:
+        """Write `files` (name -> table), then how the run ended (`finished`, `interrupted`, `failed`), when, and what
+        the wall clock measured.
+
+        Returns what could not be written, as text; empty if everything was. Such a run has failed, and says so.
+        """
+        fault = ""
+        for name, table in (files or {}).items():
+            try:
+                write_json(self.path / name, table)
+            except OSError as error:
+                fault = fault or f"{self.path / name} cannot be written: {error.strerror}"
+        try:
+            manifest = self.manifest
+            manifest["state"] = "failed" if fault else state
+            manifest["wall_clock"].update({"ended_utc": _iso(ended_utc), **wall_clock})
+            write_json(self.path / MANIFEST, manifest)
+        except OSError as error:
+            fault = fault or f"{self.path / MANIFEST} cannot be written: {error.strerror}"
+            self._mark_failed()
+        return fault
+
+    def _mark_failed(self) -> None:
+        """Change the state in the manifest's own bytes, which takes no room on a full disk."""
+        was, now = b'"state": "running"', b'"state": "failed" '
+        with suppress(OSError), (self.path / MANIFEST).open("r+b") as file:
+            at = file.read().find(was)
+            if at >= 0:
+                file.seek(at)
+                file.write(now)
 
 
 def new_run(
@@ -176,11 +200,22 @@ def list_runs(root: Path) -> list[Run]:
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
-    """Write `value` to `path` in one piece: a reader, or a crash, never finds half of it. NaN is refused."""
+    """Write `value` to `path` in one piece: a reader, a crash or a power cut never leaves half of it. NaN is refused.
+
+    Raises OSError; what was at `path` is then still there.
+    """
     text = json.dumps(value, indent=2, allow_nan=False) + "\n"
     scratch = path.with_name(f".{path.name}.new")
-    scratch.write_text(text, encoding="utf-8")
-    scratch.replace(path)
+    try:
+        with scratch.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        scratch.replace(path)
+    except OSError:
+        with suppress(OSError):
+            scratch.unlink(missing_ok=True)
+        raise
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -188,7 +223,7 @@ def _read_json(path: Path) -> dict[str, Any]:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: is damaged: {error}") from None
 
 

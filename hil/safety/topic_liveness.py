@@ -37,12 +37,13 @@ def liveness_fault(
     if recorder_s > RECORDER_AGE_S:
         return f"recorder does not answer: no health for {recorder_s:.1f} s"
     for topic, age in stale.items():
-        return f"{_publisher(topic, health)} has not published {topic} for {age:.1f} s"
+        return f"{publisher(topic, health)} has not published {topic} for {age:.1f} s"
     return ""
 
 
-def _publisher(topic: str, health: Mapping[str, Mapping[str, Any]]) -> str:
-    for service, table in health.items():
+def publisher(topic: str, health: Mapping[str, Mapping[str, Any]]) -> str:
+    """The service that declares `topic` among its outputs."""
+    for service, table in list(health.items()):
         if topic in table.get("outputs", ()):
             return service
     return "an unknown service"

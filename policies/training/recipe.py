@@ -98,13 +98,16 @@ class Recipe(BaseModel):
             section, dot, key = where.strip().partition(".")
             try:
                 value = tomllib.loads(f"value = {text}")["value"]
-            except tomllib.TOMLDecodeError:
+            except (ValueError, RecursionError):  # tomllib's, also for a number of thousands of digits
                 value = text.strip()
             known = section in _SECTIONS if dot else section == "budget"
             if not equals or not known:
                 raise RecipeError(f"'{change}': give budget=VALUE or SECTION.KEY=VALUE of {', '.join(_SECTIONS)}")
             data = {**data, section: {**data[section], key: value} if dot else value}
         return _checked(data, f"recipe {self.name}")
+
+
+_MOST = 2.0**63  # of any number of a recipe
 
 
 def _override(config: T, changes: dict[str, Any], where: str) -> T:
@@ -121,6 +124,8 @@ def _override(config: T, changes: dict[str, Any], where: str) -> T:
         return replace(config, **changes)  # type: ignore[type-var]
     except ValueError as error:
         raise RecipeError(f"{where}: {error}") from None
+    except (IndexError, TypeError) as error:  # of a list
+        raise RecipeError(f"{where}: a list has another length or kind than its default: {error}") from None
 
 
 def _fits(old: Any, value: Any) -> bool:
@@ -128,7 +133,7 @@ def _fits(old: Any, value: Any) -> bool:
         return isinstance(value, list | tuple)
     if isinstance(old, bool | str):
         return type(value) is type(old)
-    if not isinstance(value, int | float) or isinstance(value, bool):
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < _MOST:  # also no NaN
         return False
     return isinstance(old, float) or float(value).is_integer()
 

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from hil.wires import WireError
-from hil.wires.serial import BACKLOG, SerialWire
+from hil.wires.serial import BACKLOG, SerialWire, shorten_latency
 from tests.contract.wire_makers import collect, collect_bytes, opened, serial_pair
 
 
@@ -62,3 +62,45 @@ def test_serial_errors_name_the_remedy(tmp_path):
         SerialWire(far.name)
     near.close()
     far.close()
+
+
+@pytest.fixture
+def usb(tmp_path):
+    """A folder like the kernel's, with one FTDI port and one port without a latency timer."""
+    (tmp_path / "ttyUSB0").mkdir()
+    (tmp_path / "ttyUSB1").mkdir()
+    (tmp_path / "ttyUSB0" / "latency_timer").write_text("16\n")
+    return tmp_path
+
+
+def test_latency_timer_of_an_ftdi_port_is_shortened(usb):
+    assert shorten_latency("/dev/ttyUSB0", usb) == ""
+    assert (usb / "ttyUSB0" / "latency_timer").read_text() == "1\n"
+    assert shorten_latency("/dev/ttyUSB0", usb) == ""
+
+
+def test_serial_port_without_a_latency_timer_is_left_alone(usb):
+    assert shorten_latency("/dev/ttyUSB1", usb) == shorten_latency("/dev/ttyACM0", usb) == ""
+
+
+def test_latency_timer_is_found_through_a_stable_name(usb, tmp_path):
+    link = tmp_path / "by-id"
+    link.symlink_to("/dev/ttyUSB0")
+    assert shorten_latency(str(link), usb) == ""
+    assert (usb / "ttyUSB0" / "latency_timer").read_text() == "1\n"
+
+
+def test_latency_timer_that_cannot_be_set_is_told_with_the_remedy(usb, monkeypatch):
+    def forbidden(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    timer = usb / "ttyUSB0" / "latency_timer"
+    monkeypatch.setattr(type(timer), "write_text", forbidden)
+    text = shorten_latency("/dev/ttyUSB0", usb)
+    assert text == f"/dev/ttyUSB0 keeps what it receives for 16 ms (FTDI latency timer): echo 1 | sudo tee {timer}"
+
+
+def test_port_states_its_latency_when_it_is_opened(monkeypatch):
+    monkeypatch.setattr("hil.wires.serial.shorten_latency", lambda _: "keeps what it receives")
+    for near, _ in opened(serial_pair):
+        assert near.remark == "keeps what it receives"

@@ -8,6 +8,7 @@ part of `make test`, the others of `make live`.
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -160,6 +161,21 @@ def test_killed_service_in_the_attempt_ends_in_the_safe_state(tmp_path, can_hang
         board = [entry.message for entry in recording.messages(["truth/board"])]
         assert max(message.speed for message in board) > 0.3
         assert abs(board[-1].speed) < 0.1
+
+
+@pytest.mark.live
+def test_full_disk_in_flight_ends_in_the_safe_state(tmp_path):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))  # of every file of every service
+    try:
+        live = fly(tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert live.flight.failure.startswith("recorder ended with exit code 3: ")
+    assert live.flight.failure.endswith("File too large")
+    assert live.flight.run.manifest["state"] == "failed"
+    assert live.summary["services"]["vehicle_link"]["safe"]
+    assert no_process_left(tmp_path)
 
 
 @pytest.mark.live

@@ -12,7 +12,7 @@ from tests.e2e.test_live_px4 import autopilot, event_texts
 from tests.e2e.test_live_px4 import site as px4_site
 from vehicle.px4.driver.arming import Arming
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300), pytest.mark.usefixtures("real_time")]
 site = px4_site
 
 

@@ -140,3 +140,36 @@ def test_place_counts_from_one(box, part, key):
 )
 def test_place_names_arrays_and_titles(data, location, expected):
     assert place(data, location) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('title = "b"\n[[part]]\nsize = "1.5"', "part 1: key \"size\": must be a valid number, but it is '1.5'"),
+        ('title = "b"\n[[part]]\nsize = true', 'part 1: key "size": must be a valid number'),
+        ("title = 3\n[[part]]", 'key "title": must be a valid string'),
+        ('title = "b"\n[[part]]\nsize = 1979-05-27', "holds a value that no key takes"),
+        ("title = " + "[" * 5000 + "]" * 5000, "nested more than 64 deep"),
+        ("title = " + "[" * 70 + "]" * 70, "nested more than 64 deep"),
+        ("[" + ".".join("a" * 70) + "]\nx = 1", "nested more than 64 deep"),
+        ("title = " + "9" * 5000, "not valid TOML: "),
+        ('title = "' + "x" * (1 << 20) + '"', "is larger than 1 MB"),
+        ("title = 'a\x00b'", "not valid TOML: "),
+    ],
+    ids=lambda text: text[:30],
+)
+def test_strange_file_is_refused_with_one_line(tmp_path, text, message):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load_toml(path, Box)
+    assert str(error.value).startswith(f"{path}: ")
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_path_that_is_none_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="is no path of a file"):
+        load_toml(tmp_path / "a\0b.toml", Box)
+    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+        load_toml(tmp_path, Box)

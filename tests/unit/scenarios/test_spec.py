@@ -3,8 +3,9 @@ import shutil
 import numpy as np
 import pytest
 
+from groundcar.board.layout import Board
 from scenarios.paper import RealRow, paper, published
-from scenarios.spec import FOLDER, list_scenarios, load
+from scenarios.spec import BOARD_SIZE, FOLDER, list_scenarios, load
 
 NAMES = ["simple-i", "simple-ii", "normal-i", "normal-ii", "hard-i", "hard-ii"]
 
@@ -92,7 +93,14 @@ def test_scenario_file_loads_by_path(tmp_path):
         ("hard-i", "[camera]", "[kamera]", ['"kamera"', 'did you mean "camera"', "the top level"]),
         ("hard-ii", "turn = ", "turm = ", ['"path.then.turm"', 'did you mean "turn"', "after, radius, turn"]),
         ("hard-i", "rate = 60.0", 'rate = "fast"', ['"camera.rate"', "must be", "'fast'"]),
-        ("hard-i", "rate = 60.0", "rate = -1", ['"camera.rate"', "greater than 0"]),
+        ("hard-i", "rate = 60.0", "rate = -1", ['"camera.rate"', "greater than or equal to 1"]),
+        ("hard-i", "rate = 60.0", 'rate = "60.0"', ['"camera.rate"', "valid number"]),
+        ("hard-i", "[board]", "[board]\nsize = 0.5", ['"board.size"', "is 0.42 m and cannot be 0.5 m"]),
+        ("hard-i", "[board]", "[board]\nsize = 0.84", ['"board.size"', "leave the key out"]),
+        ("hard-i", "azimuth_deg", "depression_max_deg = 1e-300\nazimuth_deg", ['"start.depression_max_deg"']),
+        ("hard-i", "time_limit = 15.0", "time_limit = 1e300", ['"time_limit"', "less than or equal to"]),
+        ("hard-i", "period = 3.0", "period = 1e-300", ['"speed.period"', "greater than or equal to"]),
+        ("hard-i", 'kind = "spline"', 'kind = "spline"\ncontrol_points = 1000000000', ['"path.control_points"']),
         ("hard-i", "rate = 60.0", "rate = nan", ['"camera.rate"', "finite"]),
         ("hard-i", "distance = [1.2, 3.5]", "distance = [3.5, 1.2]", ['"start.distance"', "in order"]),
         ("hard-i", "distance = [1.2, 3.5]", "distance = [1.2, 2.0]", ['"start"', "at least 3.08 m"]),
@@ -126,3 +134,8 @@ def test_missing_and_binary_files_are_refused(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ValueError, match="UTF-8"):
         load(tmp_path / "binary.toml")
+
+
+def test_the_only_size_of_the_board_is_the_printed_board_s(edited):
+    assert Board().size == BOARD_SIZE
+    assert load(edited("hard-i", "[board]", f"[board]\nsize = {BOARD_SIZE}")).board.size == BOARD_SIZE

@@ -34,7 +34,7 @@ def unpack_value(four: bytes, kind: int) -> float | None:
 
 def read_value(payload: bytes) -> tuple[str, float | None, int]:
     """(name, value, type) in a PARAM_VALUE's payload; the value is None for a type that PX4 does not use."""
-    four, _, _, raw, kind = VALUE.unpack(payload.ljust(VALUE.size, b"\0"))
+    four, _, _, raw, kind = VALUE.unpack(payload[: VALUE.size].ljust(VALUE.size, b"\0"))
     return raw.split(b"\0", 1)[0].decode("ascii", "replace"), unpack_value(four, kind), kind
 
 

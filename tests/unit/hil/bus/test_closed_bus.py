@@ -39,7 +39,7 @@ def join(hub, keys):
     buses = []
 
     def joined(identity):
-        buses.append(Bus(hub, credentials_in(keys, identity)))
+        buses.append(Bus(hub, credentials_in(keys, identity), identity=identity))
         return buses[-1]
 
     yield joined
@@ -144,6 +144,25 @@ def test_orders_are_accepted_only_from_the_supervisor(join):
 
     until(lambda: len(orders) >= 10, both)
     assert all(order == {"order": "watch"} for order in orders)
+
+
+def test_identity_cannot_publish_an_event_as_another(hub, keys, join):
+    recorder, mailbox, texts = join("recorder"), Mailbox(), set()
+    recorder.subscribe("recorder", ["event"], mailbox)
+    with Bus(hub, credentials_in(keys, "brain"), identity="referee") as forged:
+
+        def publish():
+            forged.publish(1, "event", m.Event(1, "error", "director", "forged"))
+            join_brain.publish(1, "event", m.Event(1, "info", "policy", "own"))
+            texts.update((delivery.author, delivery.message.text) for delivery in mailbox.drain())
+
+        join_brain = join("brain")
+        until(lambda: texts, publish)
+        for _ in range(20):
+            publish()
+            mailbox.wait(20_000_000)
+    assert texts == {("brain", "own")}
+    mailbox.close()
 
 
 def test_every_service_identity_may_compare_clocks(join):

@@ -7,7 +7,7 @@ from hil.assembly.node_table import node_names, service_nodes
 from hil.assembly.plan import Plan
 from hil.assembly.simulation import MemoryWires
 from hil.bus.keys import access_control
-from hil.bus.leaf import CONTROL, TOPIC
+from hil.bus.leaf import CONTROL, EVENT, TOPIC
 from hil.contract.topics import published_by
 from scenarios.draw import draw
 
@@ -31,7 +31,7 @@ def test_policy_identity_may_not_read_the_truth_of_the_car(kind):
     _, keys = rules()
     assert {TOPIC + "belief", TOPIC + "vehicle/odometry"} <= keys[f"brain-{kind}"]
     assert not {TOPIC + "truth/board", TOPIC + "mocap/board", TOPIC + "car/command"} & keys[f"brain-{kind}"]
-    assert not any("*" in key for key in keys[f"brain-{kind}"])
+    assert {key for key in keys[f"brain-{kind}"] if "*" in key} == {EVENT + "*"}
 
 
 def test_keys_allow_commands_only_to_policy_and_sent_only_to_gate():
@@ -41,6 +41,12 @@ def test_keys_allow_commands_only_to_policy_and_sent_only_to_gate():
             f"{service}-in"
         ]
     assert [name for name, allowed in keys.items() if name.endswith("-in") and CONTROL in allowed] == ["supervisor-in"]
+
+
+def test_identity_publishes_events_on_its_own_key_only():
+    _, keys = rules()
+    for service in (*service_nodes(PLAN.rig), "supervisor"):
+        assert {key for key in keys[f"{service}-in"] if key.startswith(TOPIC + "event")} == {EVENT + service}
 
 
 def test_truth_has_one_source_while_the_vehicle_is_simulated():

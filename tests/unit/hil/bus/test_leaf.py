@@ -2,12 +2,14 @@
 
 import socket
 import time
+from types import SimpleNamespace
 
 import pytest
 import zenoh
 
 from hil.bus.leaf import HEALTH, TOPIC, Bus, BusError, Mailbox, open_hub
 from hil.bus.mailbox import STAMP
+from hil.bus.session import no_shared_memory, settings
 from hil.contract import messages as m
 from hil.contract.codec import encode
 
@@ -131,7 +133,7 @@ def test_invalid_payload_is_counted_and_not_delivered(endpoint):
     with Bus(endpoint) as a, Bus(endpoint) as b:
         b.subscribe("policy", ["belief"], mailbox)
         published_until_received(a, mailbox, "belief", belief)
-        stamp = bytes(16)
+        stamp = STAMP.pack(0, 0, a._number)
         for payload, attachment in ((b"\xff\xff", stamp), (encode(belief(1)), b"short"), (encode(belief(1)), None)):
             a._session.put(TOPIC + "belief", payload, attachment=attachment)
         until = time.monotonic() + 5.0
@@ -198,7 +200,7 @@ def test_hub_address_of_another_host_error_names_it():
 
 
 def put(mailbox, topic, number, message):
-    stamp = number.to_bytes(8, "little") * 2
+    stamp = STAMP.pack(number, number, 7)
     if mailbox.wanted(topic, stamp):
         mailbox.put(topic, encode(message), stamp)
 
@@ -242,9 +244,56 @@ def test_missing_sequence_numbers_are_counted():
 def test_invalid_sequence_number_is_counted_and_the_next_message_is_delivered(wild):
     mailbox = Mailbox()
     for number in (0, wild, 1):
-        mailbox.put("belief", encode(belief(number % 1000)), STAMP.pack(0, number))
+        mailbox.put("belief", encode(belief(number % 1000)), STAMP.pack(0, number, 7))
     assert [delivery.sequence for delivery in mailbox.drain()] == [0, 1]
     assert (mailbox.garbage, mailbox.lost) == (1, {})
+
+
+def test_mailbox_takes_a_topic_from_its_first_publisher_only():
+    mailbox = Mailbox()
+    for session, number in ((7, 0), (8, 100), (7, 1), (8, 101)):
+        mailbox.put("belief", encode(belief(number)), STAMP.pack(0, number, session))
+    assert [delivery.sequence for delivery in mailbox.drain()] == [0, 1]
+    assert (mailbox.strangers, mailbox.lost) == ({"belief": 2}, {})
+    mailbox.forget()  # the run starts
+    mailbox.put("belief", encode(belief(5)), STAMP.pack(0, 5, 8))
+    assert [delivery.sequence for delivery in mailbox.drain()] == [5]
+
+
+def test_events_of_all_publishers_are_delivered_with_their_authors(endpoint):
+    mailbox, authors = Mailbox(), set()
+    event = m.Event(1, "info", "director", "text")
+    with Bus(endpoint, identity="brain") as a, Bus(endpoint, identity="camera") as b, Bus(endpoint) as reader:
+        reader.subscribe("recorder", ["event"], mailbox)
+        until = time.monotonic() + 5.0
+        while authors != {"brain", "camera"} and time.monotonic() < until:
+            a.publish(1, "event", event)
+            b.publish(1, "event", event)
+            mailbox.wait(20_000_000)
+            authors |= {delivery.author for delivery in mailbox.drain()}
+    assert authors == {"brain", "camera"}
+    mailbox.close()
+
+
+def test_pictures_arrive_through_the_sockets_where_shared_memory_is_too_small(monkeypatch):
+    monkeypatch.setattr("hil.bus.session.os.statvfs", lambda _: SimpleNamespace(f_bavail=16384, f_frsize=4096))
+    assert settings(mode="client").get_json("transport/shared_memory/enabled") == "false"
+    mailbox, where = Mailbox(pictures=60), free_endpoint()
+    with open_hub(where), Bus(where) as a, Bus(where) as b:
+        b.subscribe("detector", ["camera/image"], mailbox)
+        first, deliveries = published_until_received(a, mailbox, "camera/image", image)
+        for number in range(first, first + 20):
+            a.publish(number, "camera/image", image(number))
+            deliveries += collect(mailbox, 1, 0.1)
+    assert len(deliveries) >= 15
+    assert [delivery.message for delivery in deliveries] == [image(delivery.sequence) for delivery in deliveries]
+    mailbox.close()
+
+
+def test_too_small_shared_memory_is_told_with_the_remedy(tmp_path, monkeypatch):
+    assert no_shared_memory(tmp_path / "none").endswith("No such file or directory")
+    monkeypatch.setattr("hil.bus.session.os.statvfs", lambda _: SimpleNamespace(f_bavail=16384, f_frsize=4096))
+    assert "has 64 MB free and shared memory needs 256 MB (of a container: --shm-size=512m)" in no_shared_memory()
 
 
 def test_mailbox_keeps_the_order_between_topics():
@@ -256,8 +305,6 @@ def test_mailbox_keeps_the_order_between_topics():
 
 
 def test_zenoh_multicast_scouting_is_off():
-    from hil.bus.session import settings
-
     config = settings(mode="client")
     assert isinstance(config, zenoh.Config)
     assert config.get_json("scouting/multicast/enabled") == "false"

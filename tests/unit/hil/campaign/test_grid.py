@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hil.campaign import grid as campaign_grid
 from hil.campaign.grid import CampaignError, Grid, Job, Result, check, fly_all, left_to_do
 from hil.recording.provenance import Code
-from hil.recording.runs import RunError, new_run, policy_identity
+from hil.recording.runs import SCORE, RunError, new_run, policy_identity, write_json
 from scenarios.draw import MAX_SEED
 
 CODE = Code("git", "0.1.0", "a" * 40)
@@ -34,7 +34,7 @@ def flown(grid, job, outcome="success", state="finished", **changes):
         seed=job.seed, host="lockstep", policy=policy_identity(job.policy), simulated=True, started_utc=WHEN, code=CODE,
     )  # fmt: skip
     if outcome:
-        run.write_score({"outcome": outcome})
+        write_json(run.path / SCORE, {"outcome": outcome})
     run.finish(state, WHEN)
     return run
 

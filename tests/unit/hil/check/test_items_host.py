@@ -1,5 +1,6 @@
 """Items of this host: bus, clocks, and a recorder that cannot write or loses messages."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -19,6 +20,10 @@ def test_bus_item_passes_with_a_bus_and_is_unknown_without(context, monkeypatch)
     reading = checks()["host.bus"].function(context)
     assert isinstance(reading.value, float)
     assert 0.0 < reading.value < 50.0  # a busy machine may take its time; the preflight's limit is 5 ms
+    assert re.search(r"\d+ of 20 pictures", reading.detail)
+    monkeypatch.setattr(bench_bus, "_picture_arrives", lambda *_: False)
+    lost = checks()["host.bus"].function(context)
+    assert (lost.ok, "0 of 20 pictures" in lost.detail) == (False, True)
 
     def refuse(endpoint):
         raise BusError(f"the hub cannot listen on {endpoint}")

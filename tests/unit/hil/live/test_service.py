@@ -1,7 +1,6 @@
 """One process of a live run: what wakes a node, which health it reports, how it ends."""
 
 import contextlib
-import errno
 import os
 import socket
 import threading
@@ -173,7 +172,7 @@ class FullDisk:
         raise RecordingError("writing receipts to receipts.mcap failed: No space left on device")
 
     def close(self):
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise RecordingError("writing receipts to receipts.mcap failed: No space left on device")
 
 
 def test_service_continues_to_the_safe_state_when_receipts_cannot_be_written(start):
@@ -189,6 +188,69 @@ def test_service_continues_to_the_safe_state_when_receipts_cannot_be_written(sta
     until(lambda: node.aborts)
     service.end()  # closing the book fails too, and the thread still ends
     service.end = lambda: None
+    events.close()
+
+
+def test_service_continues_when_an_event_cannot_be_encoded(start):
+    node, events = Fake(period_ns=20_000_000), Mailbox()
+    broken = m.Event(1, "info", "policy", "\ud800")  # a surrogate, as of a damaged text of a device
+    node.outputs = ("policy/action", "event")
+    step = node.step
+    node.step = lambda now_ns, inbox: [*step(now_ns, inbox), Out("event", broken)]
+    service = start(node)
+    service.supervisor.subscribe("supervisor", ["event"], events)
+    service.go()
+    texts = []
+    until(lambda: texts, lambda: texts.extend(one.message.text for one in events.drain()))
+    assert texts[0].startswith("a message could not be published: perch.Event.text")
+    steps = len(node.steps)
+    until(lambda: len(node.steps) > steps + 5)
+    events.close()
+
+
+def test_order_of_a_second_supervisor_is_not_obeyed_after_the_go(start):
+    node, events = Fake(), Mailbox()
+    service = start(node)
+    service.supervisor.subscribe("supervisor", ["event"], events)
+    service.go()
+    texts = []
+    until(
+        lambda: texts,
+        lambda: (
+            service.order(order="abort", why="mine", session="other"),
+            texts.extend(one.message.text for one in events.drain()),
+        ),
+    )
+    assert texts[0].startswith('"abort" of a second supervisor was not obeyed')
+    assert node.aborts == []
+    events.close()
+
+
+def test_second_process_of_a_service_ends_at_the_go(start, capfd):
+    service = start(Fake())
+    service.order(order="go", epoch_ns=time.monotonic_ns(), sessions={"brain": "0123456789abcdef"})
+    service.thread.join(LIMIT_S)
+    assert not service.thread.is_alive()
+    assert service.live.lost
+    assert "another process serves this run as brain" in capfd.readouterr().out
+
+
+def test_second_publisher_of_an_input_is_reported_and_not_heard(start):
+    node, events = Fake(), Mailbox()
+    service = start(node)
+    service.supervisor.subscribe("supervisor", ["event"], events)
+    service.go()
+    belief = m.Belief(1, True, (0.0, 0.0, 1.5), 0.0, 1.0, 0.0, 0.5, 1.0, 1, 1, 0, (1.0,), 0.0, 1, 0.01)
+    until(lambda: node.steps, lambda: service.supervisor.publish(1, "belief", belief))
+    texts = []
+    until(
+        lambda: texts,
+        lambda: (
+            service.bus.publish(1, "belief", belief),  # from another session
+            texts.extend(one.message.text for one in events.drain()),
+        ),
+    )
+    assert texts == ["belief comes from a second process too, and is not taken from it"]
     events.close()
 
 

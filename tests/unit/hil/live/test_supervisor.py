@@ -237,6 +237,8 @@ def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path)
 class FakeBus:
     """Keeps what is published and ordered."""
 
+    session = "s"
+
     def __init__(self):
         self.published, self.orders = [], []
 
@@ -261,4 +263,4 @@ def test_order_to_start_says_what_may_be_armed_and_an_abort_stands_in_the_record
     one.abort("brain was killed")
     ((topic, event),) = bus.published
     assert (topic, event.source, event.text) == ("event", "supervisor", f"{ABORTED}brain was killed")
-    assert bus.orders[-1] == {"order": "abort", "why": "brain was killed"}
+    assert bus.orders[-1] == {"order": "abort", "why": "brain was killed", "session": "s"}

@@ -30,7 +30,7 @@ def make(tmp_path):
             code=CODE,
         )
         recorder(run.recording, **how)
-        run.write_score(score or {"attached": True, "metrics": {"x": 0.1}})
+        write_json(run.path / "score.json", score or {"attached": True, "metrics": {"x": 0.1}})
         run.finish("finished", datetime(2026, 1, 2, 3, 5, next(count), tzinfo=UTC), real_time_factor=1.0 + seed)
         return run.path
 

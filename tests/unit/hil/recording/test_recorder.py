@@ -1,3 +1,4 @@
+import errno
 import json
 import math
 import subprocess
@@ -172,6 +173,65 @@ def test_full_disk_is_reported(tmp_path, monkeypatch):
     with pytest.raises(RecordingError, match="No space left"):
         for entry in flight(3.0):
             recorder(*entry)
+
+
+class FullDisk:
+    """A file on a disk with room for `room` bytes more."""
+
+    def __init__(self, file, room):
+        self.file, self.room = file, room
+
+    def write(self, data):
+        taken = data[: self.room]
+        if not taken:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        self.room -= len(taken)
+        return self.file.write(taken)
+
+    def __getattr__(self, name):
+        return getattr(self.file, name)
+
+
+@pytest.mark.parametrize("room", [0, 1, 1000, 20_000, 120_000])
+def test_recording_on_a_full_disk_keeps_its_whole_chunks(tmp_path, monkeypatch, room):
+    path = tmp_path / "run.mcap"
+    recorder = Recorder(path)
+    monkeypatch.setattr(recorder._writer, "_file", FullDisk(recorder._writer._file, room))
+    with pytest.raises(RecordingError, match="No space left"), recorder:
+        for entry in flight(20.0):
+            recorder(*entry)
+    recorder(0, "event", Event(0, "info", "a", "b"))  # nothing more is written, nothing raised
+    recorder.close()
+    recording = Recording(path)
+    assert not recording.complete
+    assert [fault for fault in recording.faults if "not finished" not in fault] == []
+    messages = list(recording.messages(["truth/board"]))
+    assert [entry.log_ns for entry in messages] == list(range(0, 10_000_000 * len(messages), 10_000_000))
+    assert len(messages) > 100 or room < 120_000
+
+
+def test_end_of_a_recording_that_does_not_fit_is_reported(tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path / "run.mcap")
+    monkeypatch.setattr(recorder._writer, "_file", FullDisk(recorder._writer._file, 10))
+    recorder(0, "event", Event(0, "info", "a", "b"))
+    with pytest.raises(RecordingError, match="failed at its end: No space left"):
+        recorder.close()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Image(0, -1, -1, 0, b"", 0),
+        Image(0, 1280, 720, 0, b"short", 0),
+        Image(2**63 - 1, 640, 480, 2**63 - 1, bytes(640 * 480), 2**63 - 1),
+        Image(-(2**63), 2**62, 2**62, -1, b"x", -1),
+    ],
+)
+def test_picture_that_cannot_be_shown_ends_no_recording(tmp_path, message):
+    with Recorder(tmp_path / "run.mcap", view=FoxgloveView(pictures="all")) as recorder:
+        recorder(0, "camera/image", message)
+        recorder(0, "event", Event(0, "info", "a", "b"))
+        assert recorder.counts["event"] == 1
 
 
 def test_counts_are_of_the_contracts_topics(tmp_path):

@@ -1,3 +1,4 @@
+import errno
 import hashlib
 import json
 import subprocess
@@ -6,7 +7,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from hil.recording import provenance
+from hil.recording import provenance, runs
 from hil.recording.provenance import Code, ProvenanceError
 from hil.recording.runs import RunError, list_runs, new_run, open_run, policy_identity, write_json
 from policies.prediction.learned import CHECKPOINT
@@ -64,14 +65,43 @@ def test_simulated_and_real_runs_never_share_a_name(tmp_path):
 def test_finish_keeps_the_rest_of_the_manifest(tmp_path):
     run = make(tmp_path)
     before = run.manifest
-    run.write_score({"attached": True})
-    run.finish("finished", WHEN, real_time_factor=1.5)
+    assert run.finish("finished", WHEN, {"score.json": {"attached": True}}, real_time_factor=1.5) == ""
     after = run.manifest
     assert after["state"] == "finished"
     assert after["wall_clock"]["real_time_factor"] == 1.5
     assert run.score == {"attached": True}
     different = {key for key in after if after[key] != before[key]}
     assert different == {"state", "wall_clock"}
+
+
+@pytest.mark.parametrize("full_from", ["score.json", "manifest.json"])
+def test_run_on_a_full_disk_is_marked_as_failed(tmp_path, monkeypatch, full_from):
+    run, write = make(tmp_path), runs.write_json
+
+    def full(path, value):
+        if path.name == full_from or full_from == "manifest.json":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(path, value)
+
+    monkeypatch.setattr(runs, "write_json", full)
+    fault = run.finish("finished", WHEN, {"score.json": {"attached": True}})
+    assert fault == f"{run.path / 'score.json'} cannot be written: No space left on device"
+    assert run.manifest["state"] == "failed"
+    assert run.score is None
+
+
+def test_json_that_cannot_be_written_leaves_the_old_file_and_no_scratch(tmp_path, monkeypatch):
+    path = tmp_path / "score.json"
+    write_json(path, {"a": 1})
+
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(runs.os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_json(path, {"a": 2})
+    assert [one.name for one in tmp_path.iterdir()] == ["score.json"]
+    assert json.loads(path.read_text()) == {"a": 1}
 
 
 def test_uncommitted_changes_are_kept(tmp_path):
