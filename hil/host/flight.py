@@ -131,6 +131,7 @@ def fly(
                 if viewer is not None:
                     viewer(now, topic, message)
 
+            run.begin(datetime.now(UTC))
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
             try:
                 now_ns = host.run(lambda _: watch.stage == "ended")

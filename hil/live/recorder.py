@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import time
+from datetime import UTC, datetime, timedelta
 from types import FrameType
 from typing import Any
 
@@ -120,6 +121,8 @@ def record(spec: LiveSpec) -> int:
             for order in _orders(state["orders"]):
                 if order.get("order") == "go":
                     run_time.begin(int(order["epoch_ns"]))
+                    zero = datetime.now(UTC) - timedelta(microseconds=run_time.now() / 1e3)
+                    recorder.note("wall_clock", {"zero_utc": zero.isoformat(timespec="milliseconds")})
                 elif order.get("order") == "stop" and order.get("service") == "recorder":
                     ending.ask()
             for delivery in mailbox.drain():

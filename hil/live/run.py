@@ -5,8 +5,9 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from hil.live.spec import LiveSpec, run_digests
 from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
 from hil.recording.provenance import Code
-from hil.recording.runs import new_run, policy_identity, write_json
+from hil.recording.runs import Run, new_run, policy_identity, write_json
 from vehicle.px4.driver.arming import Arming
 
 _OVERTIME_S = 150.0  # prepare and margin on top of the scenario's lead and time limit
@@ -156,6 +157,9 @@ def _fly(
             ended.before = load_now()
             hub_clock, date = _hub_clock(bus), DateWatch()
             started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns, arming=arming)
+            with suppress(OSError):  # a flight does not end for its manifest
+                since = timedelta(microseconds=(time.monotonic_ns() - started_ns) / 1e3)
+                Run(spec.folder).begin(datetime.now(UTC) - since)
 
             def publish_event(severity: str, text: str) -> None:
                 now_ns = time.monotonic_ns() - started_ns
