@@ -23,6 +23,7 @@ from hil.recording.mcap_writer import MAGIC
 from hil.recording.recorder import PICTURES, PREFIX
 
 _FOREVER_NS = 2**64
+_BLOCK_BYTES = 4 << 20  # of chunks that are read as one block: each numpy call costs as much as a hundred messages
 
 
 class ReadError(ValueError):
@@ -120,9 +121,16 @@ class Recording:
     def blocks(
         self, topics: Iterable[str] | None = None, *, start_ns: int = 0, end_ns: int = _FOREVER_NS
     ) -> Iterator[Block]:
-        """The same as arrays, a chunk at a time: pictures come after all small messages."""
+        """The same as arrays, some chunks at a time: pictures come after all small messages."""
         for lane in self._lanes(topics, start_ns, end_ns):
-            yield from lane
+            waiting: list[Block] = []
+            for block in lane:
+                waiting.append(block)
+                if sum(len(one.data) for one in waiting) >= _BLOCK_BYTES:
+                    yield joined(waiting)
+                    waiting = []
+            if waiting:
+                yield joined(waiting)
 
     def by_topic(self, block: Block) -> dict[str, Block]:
         """The messages of each topic in `block`."""
@@ -197,7 +205,8 @@ class Recording:
 
     def _chosen(self, chunks: list[Chunk], ids: set[int], start_ns: int, end_ns: int) -> Iterator[Block]:
         """The messages of the channels `ids` in `chunks`, a chunk at a time; none is empty."""
-        known, wanted = np.array([*self._channels]), np.array([*ids])
+        known, wanted = np.zeros(1 << 16, dtype=bool), np.zeros(1 << 16, dtype=bool)
+        known[[*self._channels]], wanted[[*ids]] = True, True
         with self.path.open("rb") as file:
             for chunk in chunks:
                 if chunk.end_ns < start_ns or chunk.start_ns > end_ns:
@@ -210,9 +219,9 @@ class Recording:
                     continue
                 if not whole:
                     self._bad_chunk(chunk, "it ends within a message")
-                for channel in np.unique(block.channel[~np.isin(block.channel, known)]).tolist():
+                for channel in np.unique(block.channel[~known[block.channel]]).tolist():
                     self._fault(f"messages of a topic that is not described (number {channel}) were left out")
-                rows = np.isin(block.channel, wanted)
+                rows = wanted[block.channel]
                 if start_ns > 0 or end_ns < _FOREVER_NS:
                     rows &= (block.log_ns >= start_ns) & (block.log_ns <= end_ns)
                 if rows.any():

@@ -29,14 +29,15 @@ def render(recorded: Sequence[Recorded]) -> str:
     rows = [_row(pack, recorded, cells) for cells in zip(*map(build_all, recorded), strict=True)]
     flights = [_head(flight) for flight in recorded]
     title = " against ".join(flight.name for flight in recorded)
-    data = {**pack.table(), "flights": [_axis(flight) for flight in recorded]}
+    data = embedded({**pack.table(), "flights": [_axis(flight) for flight in recorded]})
+    del pack  # as large as the page
     return template("flight.html.j2").render(
         title=title,
         flights=flights,
         rows=rows,
         css=Markup(asset("report.css")),
         script=Markup(asset("plots.js") + asset("scene.js")),
-        data=embedded(data),
+        data=data,
     )
 
 
@@ -46,7 +47,7 @@ def _row(pack: Pack, recorded: Sequence[Recorded], cells: Sequence[Section]) -> 
     by_key = [{part.key: part for part in section.parts if isinstance(part, TimePlot)} for section in cells]
     joint = dict.fromkeys(key for plots in by_key for key in plots)
     drawn = {key: _figure(pack, [(r, of.get(key)) for r, of in zip(recorded, by_key, strict=True)]) for key in joint}
-    return {
+    row = {
         "ident": cells[0].ident,
         "title": cells[0].title,
         "cells": [
@@ -62,6 +63,9 @@ def _row(pack: Pack, recorded: Sequence[Recorded], cells: Sequence[Section]) -> 
         ],
         "joint": [] if alone else list(drawn.values()),
     }
+    for section in cells:
+        section.parts.clear()  # their plots are packed
+    return row
 
 
 def _figure(pack: Pack, flights: list[tuple[Recorded, TimePlot | None]]) -> Markup:

@@ -195,7 +195,7 @@ def test_two_flights_are_drawn_on_one_axis(opened, tmp_path):
 def test_time_axes_have_a_unit_and_a_spike_has_a_mark(opened, report):
     tab = opened(report, DESKTOP)
     plots = tab.locator("figure.plot").count()
-    assert tab.locator("figure.plot text.unit").all_inner_texts() == ["s"] * plots
+    assert tab.locator("figure.plot text.unit").all_text_contents() == ["s"] * plots
     assert tab.locator("figure.plot path.beyond").count() > 0  # the impact in the body rates
 
 

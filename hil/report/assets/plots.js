@@ -186,7 +186,7 @@
       const xs = ticks(view[0], view[1], Math.max(3, Math.round(width / 90)));
       for (const value of xs.values) {
         make("path", { class: "grid", d: `M${scale.x(value).toFixed(1)} ${TOP}V${bottom}` }, svg);
-        if (scale.x(value) > right - 14) continue;  // the unit stands there
+        if (scale.x(value) > right - 24) continue;  // the unit stands there
         make("text", { class: "tick", x: scale.x(value), y: bottom + 13, "text-anchor": "middle" }, svg, value.toFixed(xs.digits));
       }
       make("text", { class: "tick unit", x: right, y: bottom + 13, "text-anchor": "end" }, svg, "s");

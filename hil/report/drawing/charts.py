@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +19,7 @@ VEHICLE, BOARD, BELIEF, SEEN, ASKED, MUTED, BAD = (
 
 _FINE_S = 0.007  # closest spacing of drawn samples around the attempt
 _COARSE_S = 0.1  # before and after it, at least
+_MOST_DOTS = 20_000  # of a series; beyond it dots are thinned as lines are
 _FINE_SPAN_NS, _COARSE_SAMPLES = 60_000_000_000, 3000  # a recording of hours must not make a report of gigabytes
 
 
@@ -84,17 +86,18 @@ class Pack:
         return self.plots[-1]["id"]
 
     def _series(self, flight: int, recorded: Recorded, series: Series) -> dict[str, Any]:
-        keep = thin(recorded, series.t, series.y, every=series.style != "dots")
+        keep = thin(recorded, series.t, series.y, every=series.style != "dots" or len(series.t) > _MOST_DOTS)
         keep = keep[np.argsort(series.t[keep], kind="stable")]  # the page searches in them
         t, y = self._array(recorded.seconds(series.t[keep])), self._array(series.y[keep])
         return {"flight": flight, "name": series.name, "colour": series.colour, "style": series.style, "t": t, "y": y}
 
     def _array(self, values: np.ndarray) -> int:
         data = values.astype("<f4").tobytes()
-        if data not in self._index:
-            self._index[data] = len(self._arrays)
+        key = hashlib.blake2b(data).digest()
+        if key not in self._index:
+            self._index[key] = len(self._arrays)
             self._arrays.append(base64.b64encode(data).decode("ascii"))
-        return self._index[data]
+        return self._index[key]
 
     def table(self) -> dict[str, Any]:
         return {"arrays": self._arrays, "plots": self.plots}

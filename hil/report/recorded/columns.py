@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import typing
+from collections import namedtuple
 from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -98,13 +98,18 @@ class Columns:
         """The numbers of a field of doubles, of all messages one after the other, float64."""
         return gather(self.messages.data, *self._places(field)).view("<f8")
 
-    def rows(self, *fields: str) -> Iterator[Any]:
-        """The messages with only these `fields`, numbers and texts as decoding gives them."""
+    def rows(self, *fields: str, chosen: np.ndarray | None = None) -> list[Any]:
+        """The messages (only `chosen` ones) with only these `fields`, numbers and texts as decoding gives them."""
         columns = []
         for name in fields:
             whole = self._kinds[self._numbers[name]] == wire.NUMBER
-            columns.append((self.nanoseconds(name) if whole else self[name]).tolist())
-        return (SimpleNamespace(**dict(zip(fields, row, strict=True))) for row in zip(*columns, strict=True))
+            values = self.nanoseconds(name) if whole else self[name]
+            columns.append((values if chosen is None else values[chosen]).tolist())
+        return list(map(_row(fields), *columns))
+
+    def forget(self) -> None:
+        """Free the columns that were read; they can be read again."""
+        self._cache.clear()
 
     def _places(self, field: str) -> tuple[np.ndarray, np.ndarray]:
         return wire.places(self.messages.data, self.messages.offsets, self._numbers[field])
@@ -144,6 +149,11 @@ class Columns:
             kept, of = np.unique(raw, return_inverse=True)
             out[where] = np.array([text.decode() for text in kept.tolist()], dtype=object)[of]
         return out
+
+
+@cache
+def _row(fields: tuple[str, ...]) -> Any:
+    return namedtuple("Row", fields)
 
 
 @cache
