@@ -24,7 +24,7 @@ _THINNED = {
     "truth/vehicle", "mocap/vehicle", "truth/board", "mocap/board", "vehicle/odometry", "belief", "car/reference",
     "car/command", "car/sent", "car/feedback",
 }  # fmt: skip
-# What the scorer reads of each topic but the referee's.
+# What the scorer reads of a topic; of the others it gets whole messages.
 _READ = {
     "run/stage": ("stamp_ns", "name", "attempt_start_ns"),
     "truth/board": ("stamp_ns", "speed", "orientation"),
@@ -89,8 +89,8 @@ def read_columns(recording: Recording, topics: Sequence[str]) -> dict[str, Colum
 def scored_messages(recording: Recording) -> Iterator[tuple[int, str, Any]]:
     """(publication, topic, message) of what a `Scorer` takes, in the order of publication.
 
-    The messages have only the fields that it reads; of the referee's, only those that decide. Of the board's and the
-    stage's, those are left out that change no score: see `_spare`.
+    The messages have only the fields that it reads (`_READ`); of the referee's there are only those that decide. Of the
+    board's and the stage's, those are left out that change no score: see `_spare`.
     """
     stage: tuple[str, int] | None = None  # name and start of the attempt, as last published
     for block in recording.blocks([PREFIX + topic for topic in SCORED]):
@@ -102,11 +102,13 @@ def scored_messages(recording: Recording) -> Iterator[tuple[int, str, Any]]:
             if len(good):
                 lanes[topic] = (rows.chosen(good), Columns(rows.log_ns[good], messages))
         stages, decided = _stages(lanes), _decided(lanes)
-        spare = not len(decided) and stages <= {stage} and stage is not None
+        spare = not len(decided) and "event" not in lanes and stages <= {stage} and stage is not None
         parts = []
         for topic, (rows, columns) in lanes.items():
-            chosen = decided if topic == _REFEREE else np.arange(len(columns))
-            if spare and topic != _REFEREE:
+            chosen = np.arange(len(columns))
+            if topic == _REFEREE:
+                chosen = decided
+            elif spare:
                 chosen = _spare(topic, columns, stage[1] if stage else 0)
             parts.append((topic, rows.log_ns[chosen], rows.start[chosen], columns, chosen))
         stage = next(iter(stages)) if len(stages) == 1 else stage if not stages else None
@@ -127,7 +129,7 @@ def _decided(lanes: dict[str, Any]) -> np.ndarray:
 
 
 def _spare(topic: str, columns: Columns, start_ns: int) -> np.ndarray:
-    """Indices of the messages that a scorer needs of a block in which neither the stage nor the verdict changes.
+    """Indices of the messages that a scorer needs of a block without an event, a change of the stage or a verdict.
 
     Of the board the least and the greatest speed and the last message, of the stage the last.
     """
@@ -148,7 +150,7 @@ def _merged(parts: list[tuple[str, np.ndarray, np.ndarray, Columns, np.ndarray]]
     topics, messages = [], []
     for topic, log_ns, _, columns, chosen in parts:
         topics += [topic] * len(log_ns)
-        if topic == _REFEREE:
+        if topic not in _READ:
             messages += [columns.messages[i] for i in chosen.tolist()]
         else:
             messages += columns.rows(*_READ[topic], chosen=chosen)

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 
 from hil.contract.codec import CodecError, codec
 from hil.contract.messages import Belief, Detection, Event, Sent, VehicleState
+from hil.recording import reader
 from hil.recording.reader import Recording
 from hil.recording.recorder import Recorder
 from hil.report.drawing.charts import thin
 from hil.report.recorded.columns import Columns, Messages
 from hil.report.recorded.flight import load
-from hil.report.recorded.read import read_columns
+from hil.report.recorded.read import read_columns, scored_messages
+from hil.scoring.score import SCORED, score_messages
 from tests.paths import GOLDEN_RUN
 
 FLOATS = st.floats(width=64)
@@ -129,3 +131,14 @@ def test_a_drawn_series_keeps_its_peaks():
     keep = thin(recorded, t, y)  # type: ignore[arg-type]
     assert {777, 90_001} <= set(keep.tolist()) and len(keep) < 20_000
     assert (np.diff(keep) > 0).all()
+
+
+def test_a_recording_scores_as_its_messages_do_one_by_one(monkeypatch):
+    monkeypatch.setattr(reader, "_BLOCK_BYTES", 1)  # a chunk a block: most hold no event and no verdict
+    recorded = load(GOLDEN_RUN)
+    assert recorded.scenario is not None and recorded.rescored is not None
+    recording = Recording(GOLDEN_RUN)
+    slow = score_messages(recorded.scenario, recorded.manifest["seed"], recording.messages(SCORED))
+    assert recorded.rescored == slow
+    read = sum(1 for _ in scored_messages(recording))
+    assert read < 0.8 * sum(1 for _ in recording.messages(SCORED))
