@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -87,7 +87,7 @@ def _copy(data: np.ndarray, start: np.ndarray, end: np.ndarray, out: np.ndarray)
 @njit
 def _integer(data: np.ndarray, at: int, size: int) -> int:
     """`size` bytes from `at` on, the lowest first; eight bytes may give a negative number."""
-    value = np.int64(0)
+    value: Any = np.int64(0)
     for k in range(size):
         value |= np.int64(data[at + k]) << np.int64(8 * k)
     return value

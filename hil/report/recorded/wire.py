@@ -6,6 +6,8 @@ read here has passed `sound`; a message that has not is decoded and encoded agai
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from kernel.jit import njit
@@ -115,7 +117,7 @@ def _field(data: np.ndarray, at: int, end: int) -> tuple[int, int, int, int]:
 @njit
 def _varint(data: np.ndarray, at: int, end: int) -> tuple[int, int]:
     """The number at `at` and where it ends, -1 if it does not before `end` or is longer than ten bytes."""
-    value = np.int64(0)
+    value: Any = np.int64(0)
     for k in range(min(10, end - at)):
         byte = np.int64(data[at + k])
         value |= (byte & 0x7F) << np.int64(7 * k)
