@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hil.cli.legends import CAMPAIGN, explained
 from hil.cli.options import (
     COULD_NOT_RUN,
     INTERRUPTED,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from hil.campaign.lines import Line
 
 
+@explained(CAMPAIGN)
 def campaign(
     scenarios: Annotated[list[str] | None, typer.Argument(help="names or .toml files [default: all published]")] = None,
     policy: Annotated[
@@ -139,6 +141,7 @@ def _conclude(out: Path, baseline: str, as_json: bool) -> None:
         print_json({**found, "page": str(page)})
         return
     screen().print(_table(groups))
+    say(CAMPAIGN)
     for policy, against, scenario, finding in compared:
         say(f"{policy} against {against}, {scenario}: {finding}")
     say(f"page: {page}")

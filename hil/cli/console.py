@@ -11,6 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hil.cli.legends import FLIGHTS
 from hil.scoring.binomial import interval
 from hil.scoring.score import Score
 from hil.scoring.verdict import ATTACHED, INCOMPLETE, MISSED, PERCHED
@@ -97,10 +98,7 @@ def run_table(score: Score, scenario: Scenario, *, real_time_factor: float | Non
 
 
 def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: float = 0.95) -> RenderableType:
-    """Several seeds of one scenario: a line each, then the counts of those that were decided, with exact intervals.
-
-    Errors at contact: in the board's plane, of the normals, speed along the board and into it.
-    """
+    """Several seeds of one scenario: a line each, then the counts of those that were decided, with exact intervals."""
     table = Table(box=box.SIMPLE_HEAD, padding=0)
     for column in ("seed\n", "verdict\n", "planar\nm", "normal\ndeg", "along\nm/s", "into\nm/s", "time\ns"):
         table.add_column(column, justify="left" if column == "verdict\n" else "right", no_wrap=True)
@@ -121,7 +119,8 @@ def seeds_table(scenario: Scenario, scores: Sequence[Score], *, confidence: floa
     decided = [score for score in scores if score.verdict != INCOMPLETE]
     counts.add_row("attached", rate_text(sum(s.attached for s in decided), len(decided), confidence))
     counts.add_row("within tolerance", rate_text(sum(s.within_tolerance for s in decided), len(decided), confidence))
-    return Group(Text(f"{scenario.title}  ({len(scores)} seeds)", style="italic"), table, counts)
+    head = Text(f"{scenario.title}  ({len(scores)} seeds)", style="italic")
+    return Group(head, table, counts, Text(f"\n{FLIGHTS}", style="dim"))
 
 
 def rate_text(successes: int, runs: int, confidence: float = 0.95) -> str:

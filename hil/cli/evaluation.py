@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from hil.cli.legends import EVALUATION
 from hil.cli.policy_table import note_lines, policy_data, policy_table
 from hil.cli.screen import say, screen
 from policies.environment.config import TICK
@@ -86,6 +87,7 @@ class Evaluation:
             if rows:
                 console.print(policy_table(rows, self.stage, f"{what}, {rows[0].episodes} episodes each"))
                 say("\n".join(note_lines(rows)))
+        say(f"\n{EVALUATION}")
         if self.map is not None:
             picture = self.request.picture
             assert picture is not None

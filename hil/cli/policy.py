@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from hil.cli.groups import add_group
+from hil.cli.legends import EVALUATION, explained
 from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, OK, POLICIES, USAGE, Json, Rig, fail
 
 
@@ -71,6 +72,7 @@ def train(
     raise typer.Exit(code)
 
 
+@explained(EVALUATION)
 def evaluate(
     policy: Annotated[
         str,

@@ -14,6 +14,7 @@ def report(
     runs: Annotated[list[Path], typer.Argument(help="a run folder or .mcap; several, or a folder of runs: a campaign")],
     compare: Annotated[Path | None, typer.Option(help="a second run, shown side by side with the first")] = None,
     out: Annotated[Path | None, typer.Option(help="file to write [default: report.html in the run folder]")] = None,
+    each: Annotated[bool, typer.Option("--each", help="of a campaign: also the report of each of its runs")] = False,
 ) -> None:
     """Write one HTML file of a run that opens offline.
 
@@ -26,7 +27,7 @@ def report(
     from hil.report.write import write_report
 
     try:
-        path = write_report(runs, compare, out)
+        path = write_report(runs, compare, out, each=each)
     except (ReadError, RunError, ValueError) as error:
         raise fail(str(error), USAGE) from None
     except OSError as error:
@@ -36,21 +37,23 @@ def report(
 
 def view(
     run: Annotated[Path, typer.Argument(help="a run folder, or an .mcap")],
-    save: Annotated[Path | None, typer.Option(help="write this .rrd file instead of opening a window")] = None,
+    save: Annotated[Path | None, typer.Option(help="write this .rrd file instead of showing it")] = None,
 ) -> None:
     """Open a run in Rerun, or write it for Rerun.
 
-    3-D with board, camera and tags, pictures with detections, the time series that matter.
+    3-D with board, camera and tags, pictures with detections, the time series that matter. Without a display it
+    serves a page on this computer's loopback.
 
     Exit code: 0 opened or written, 2 not a readable run or Rerun not installed, 3 could not open or write.
     """
+    from hil.cli.screen import say
     from hil.recording.reader import ReadError
     from hil.recording.runs import RunError
     from hil.viewer.view import ViewerError, open_viewer, save_rrd
 
     try:
         if save is None:
-            open_viewer(run)
+            open_viewer(run, say)
         else:
             save_rrd(run, save)
     except (ReadError, RunError, ValueError) as error:

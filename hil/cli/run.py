@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hil.cli.legends import FLIGHTS, explained
 from hil.cli.options import (
     COULD_NOT_RUN,
     INTERRUPTED,
@@ -38,6 +39,7 @@ def register(app: typer.Typer) -> None:
     app.command("run")(run)
 
 
+@explained(FLIGHTS)
 def run(
     scenario: Annotated[str, typer.Argument(help="a scenario's name (see `perch-hil scenarios`) or a path to a .toml")],
     seed: Annotated[int | None, typer.Option(help="varies spline, start, noise and airframe [default: 0]")] = None,

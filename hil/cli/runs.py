@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from hil.cli.groups import add_group
+from hil.cli.legends import RUNS, explained
 from hil.cli.options import COULD_NOT_RUN, DIFFERENT, OK, POLICIES, Json, fail
 from hil.cli.report import report, view
 
@@ -20,6 +21,7 @@ def register(app: typer.Typer) -> None:
     add_group(app, "runs", text, commands, lists=True)
 
 
+@explained(RUNS)
 def runs(
     folder: Annotated[Path, typer.Argument(help="where run folders are")] = Path("runs"),
     scenario: Annotated[str | None, typer.Option(help="only this scenario")] = None,
@@ -38,7 +40,7 @@ def runs(
 
     Exit code: 0, also if there are none; 2 usage; 3 a table could not be written.
     """
-    from hil.cli.screen import print_json, screen
+    from hil.cli.screen import print_json, say, screen
     from hil.recording import runs_table
 
     try:
@@ -57,6 +59,7 @@ def runs(
         return
     if found:
         screen().print(runs_table.table(found))
+        say(RUNS)
     print(f"{len(found)} run{'' if len(found) == 1 else 's'} in {folder}")
 
 

@@ -19,6 +19,7 @@ from policies.training.recipe import Recipe, load_recipe
 from policies.training.run import CURVE, PICTURE, run
 
 _LINE_EVERY = 30.0  # s between lines where there is no terminal
+_FEWEST = 20  # episodes that make a share
 
 
 @dataclass(frozen=True)
@@ -89,22 +90,24 @@ class _Display:
         self.progress = Progress(*text, TimeElapsedColumn(), TimeRemainingColumn(), console=console, disable=off)
         kinds = [f"{k + 1}/{len(plan.phase)} {phase.kind}" for k, phase in enumerate(plan.phase)]
         self._tasks = [self.progress.add_task(kind, total=1.0, status="", start=False) for kind in kinds]
-        self._console, self._kinds, self._printed_s, self._success = console, kinds, 0.0, float("nan")
+        self._console, self._kinds, self._printed_s = console, kinds, 0.0
         self._phase, self._from = -1, (0, 0.0)
+        self._hits = self._episodes = 0.0  # of the phase's last iterations, older ones counting less
 
     def __call__(self, numbers: dict) -> None:
         phase, samples, seconds = numbers["phase"], numbers["samples"], numbers["seconds"]
         if phase != self._phase:
-            self._phase, self._from = phase, (samples, seconds)
+            self._phase, self._from, self._hits, self._episodes = phase, (samples, seconds), 0.0, 0.0
             for before in self._tasks[:phase]:
                 self.progress.update(before, completed=1.0)
             self.progress.start_task(self._tasks[phase])
-        if numbers["success"] == numbers["success"]:
-            old = self._success
-            self._success = numbers["success"] if old != old else old + 0.1 * (numbers["success"] - old)
+        if numbers["episodes"]:
+            self._hits = 0.9 * self._hits + numbers["success"] * numbers["episodes"]
+            self._episodes = 0.9 * self._episodes + numbers["episodes"]
         since = seconds - self._from[1]
         rate = f", {(samples - self._from[0]) / since / 1e3:.1f} k/s" if since > 0.0 else ""
-        success = f"{100.0 * self._success:.1f} %" if self._success == self._success else "unknown yet"
+        known = self._episodes >= _FEWEST
+        success = f"{100.0 * self._hits / self._episodes:.1f} %" if known else "unknown yet"
         status = f"{samples / 1e6:.2f} M samples, success {success}{rate}"
         self.progress.update(self._tasks[phase], completed=numbers["share"], status=status)
         if self.progress.disable and time.monotonic() - self._printed_s > _LINE_EVERY:

@@ -3,12 +3,13 @@
 Fields are numbered in the order they stand, so a field appended later neither breaks an old reader (it skips the
 unknown number) nor an old recording (the field reads as zero). int is int64, float is double, a tuple is repeated.
 Every bit pattern of a float survives, NaN and infinity included. The schema travels in the recording, so that any
-protobuf reader understands it without this code.
+protobuf reader understands it without this code; what `messages.py` says of a field is the field's comment in it.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import typing
 from functools import cache
 from operator import attrgetter
@@ -19,7 +20,7 @@ from google.protobuf.message import DecodeError
 
 Message = TypeVar("Message")
 
-_Field = descriptor_pb2.FieldDescriptorProto
+_Field, _Files = descriptor_pb2.FieldDescriptorProto, descriptor_pb2.FileDescriptorProto
 _SCALARS = {
     int: _Field.TYPE_INT64,
     float: _Field.TYPE_DOUBLE,
@@ -140,7 +141,21 @@ def _describe(message: type) -> descriptor_pb2.FileDescriptorProto:
             raise TypeError(f"{message.__name__}.{field.name}: {hint} has no wire type")
         label = _Field.LABEL_REPEATED if _is_tuple(hint) else _Field.LABEL_OPTIONAL
         proto.field.add(name=field.name, number=number, type=_SCALARS[element], label=label)
+    _comment(file, message)
     return file
+
+
+def _comment(file: descriptor_pb2.FileDescriptorProto, message: type) -> None:
+    """Comments of the message (its docstring) and of its fields (unit, frame), as protobuf's compiler keeps them."""
+    at = [_Files.MESSAGE_TYPE_FIELD_NUMBER, 0]
+    locations = file.source_code_info.location
+    locations.add(path=at, span=[0, 0, 0], leading_comments=f" {inspect.cleandoc(message.__doc__ or '')}\n")
+    hints = typing.get_type_hints(message, include_extras=True)
+    for index, field in enumerate(dataclasses.fields(message)):
+        words = [word for word in getattr(hints[field.name], "__metadata__", ()) if isinstance(word, str)]
+        if words:
+            path = [*at, descriptor_pb2.DescriptorProto.FIELD_FIELD_NUMBER, index]
+            locations.add(path=path, span=[index + 1, 0, 0], trailing_comments=f" {'; '.join(words)}\n")
 
 
 def _is_tuple(hint: Any) -> bool:

@@ -132,6 +132,7 @@ def fly(
                 if viewer is not None:
                     viewer(now, topic, message)
 
+            run.begin(datetime.now(UTC))
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
             ended = "finished"
             try:

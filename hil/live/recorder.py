@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import time
+from datetime import UTC, datetime, timedelta
 from types import FrameType
 from typing import Any
 
@@ -145,6 +146,8 @@ def record(spec: LiveSpec) -> int:
                 for order in orders.take():
                     if order["order"] == "go":
                         run_time.begin(order["epoch_ns"])
+                        zero = datetime.now(UTC) - timedelta(microseconds=run_time.now() / 1e3)
+                        recorder.note("wall_clock", {"zero_utc": zero.isoformat(timespec="milliseconds")})
                     elif order["order"] == "stop" and order.get("service") == "recorder":
                         ending.ask()
                 drain()

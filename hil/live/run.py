@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from hil.live.spec import LiveSpec, run_digests
 from hil.live.supervisor import Supervisor, SupervisorError
 from hil.live.wires import free_ports
 from hil.recording.provenance import Code
-from hil.recording.runs import SCORE, new_run, policy_identity
+from hil.recording.runs import SCORE, Run, new_run, policy_identity
 from vehicle.px4.driver.arming import Arming
 
 _OVERTIME_S = 150.0  # prepare and margin on top of the scenario's lead and time limit
@@ -152,8 +152,11 @@ def _fly(
             _check_graph(supervisor, wanted)
             ended.before = load_now()
             hub_clock, date = _hub_clock(bus), DateWatch()
-            supervisor.go(ahead_ns=hub_clock.offset_ns, arming=arming)
+            started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns, arming=arming)
             gone = True
+            with suppress(OSError):  # a flight does not end for its manifest
+                since = timedelta(microseconds=(time.monotonic_ns() - started_ns) / 1e3)
+                Run(spec.folder).begin(datetime.now(UTC) - since)
             for service in remote:
                 for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
                     supervisor.report("info", line)

@@ -5,16 +5,18 @@ Only the manifest's `wall_clock` table may differ between two runs of one seed o
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hil.contract.codec import CodecError, codec
 from hil.contract.topics import TOPICS
+from hil.recording.blocks import Block
 from hil.recording.reader import Raw, Recording
-from hil.recording.recorder import PREFIX
+from hil.recording.recorder import PICTURES, PREFIX
 from hil.recording.runs import open_run
 
 
@@ -76,27 +78,94 @@ def diff_runs(a: Path | str, b: Path | str) -> RunDiff:
 def diff_recordings(a: Path, b: Path) -> tuple[int, tuple[Difference, ...], tuple[str, ...]]:
     """(messages that agree, first difference of each topic, what is missing) of two recordings."""
     one, two = Recording(a), Recording(b)
-    same, found = 0, []
-    for topic in sorted(one.topics.keys() | two.topics.keys()):
-        if topic not in one.topics or topic not in two.topics:
-            where = "second" if topic not in one.topics else "first"
-            found.append(Difference(topic, 0, 0, f"only the {where} run recorded this topic"))
-            continue
-        pairs = itertools.zip_longest(one.raw([topic]), two.raw([topic]))
-        for index, (x, y) in enumerate(pairs):
-            if x is None or y is None:
-                extra = x or y
-                more = 1 + sum(1 for _ in pairs)
-                which = "second" if x is None else "first"
-                time_ns = extra.log_ns if extra else 0
-                found.append(Difference(topic, index, time_ns, f"the {which} run has {more} messages more"))
-                break
-            if x.log_ns != y.log_ns or x.data != y.data:
-                found.append(Difference(topic, index, min(x.log_ns, y.log_ns), _explain(topic, x, y)))
-                break
-            same += 1
+    found = [
+        Difference(topic, 0, 0, f"only the {'first' if topic in one.topics else 'second'} run recorded this topic")
+        for topic in one.topics.keys() ^ two.topics.keys()
+    ]
+    shared = one.topics.keys() & two.topics.keys()
+    pictures = {topic for topic in shared if topic.endswith(PICTURES)}
+    same = 0
+    for topics in (shared - pictures, pictures):  # each is in the order of publication
+        lane = _Lane(one, two, topics)
+        lane.compare()
+        same += sum(lane.same.values())
+        found += lane.found
     faults = [f"{name}: {fault}" for name, r in (("first", one), ("second", two)) for fault in r.faults]
-    return same, tuple(found), tuple(faults)
+    return same, tuple(sorted(found, key=lambda difference: difference.topic)), tuple(faults)
+
+
+class _Lane:
+    """Compares `topics` of two recordings in one pass; only what the other has not reached yet is kept."""
+
+    def __init__(self, one: Recording, two: Recording, topics: set[str]) -> None:
+        self.same = dict.fromkeys(topics, 0)
+        self.found: list[Difference] = []
+        self._open = set(topics)  # topics without a difference so far
+        self._recordings = (one, two)
+        self._waiting: tuple[dict[str, list[Block]], ...] = ({}, {})
+
+    def compare(self) -> None:
+        """Read both to their ends, always on where less has been read."""
+        if not self._open:
+            return
+        blocks = [recording.blocks(self._open.copy()) for recording in self._recordings]
+        reached_ns, ended = [-1, -1], [False, False]
+        while not all(ended):
+            side = int(ended[0] or (not ended[1] and reached_ns[1] < reached_ns[0]))
+            block = next(blocks[side], None)
+            if block is None:
+                ended[side] = True
+                continue
+            reached_ns[side] = int(block.log_ns.max(initial=-1))
+            for topic, rows in self._recordings[side].by_topic(block).items():
+                if topic in self._open:
+                    waiting = self._waiting[side].setdefault(topic, [])
+                    waiting.append(rows.compact())
+                    self._advance(topic)
+                    if ended[1 - side] and waiting:  # from here on messages are only counted
+                        waiting[-1] = waiting[-1]._replace(data=np.empty(0, dtype=np.uint8))
+        for topic in sorted(self._open):
+            left = [sum(len(rows.log_ns) for rows in waiting.get(topic, ())) for waiting in self._waiting]
+            if any(left):
+                side = int(left[1] > 0)
+                text = f"the {('first', 'second')[side]} run has {left[side]} messages more"
+                first_ns = int(self._waiting[side][topic][0].log_ns[0])
+                self.found.append(Difference(topic, self.same[topic], first_ns, text))
+
+    def _advance(self, topic: str) -> None:
+        """Compare what both sides have of `topic`."""
+        one, two = (waiting.get(topic, []) for waiting in self._waiting)
+        while one and two:
+            n = min(len(one[0].log_ns), len(two[0].log_ns))
+            at = _first_difference(one[0], two[0], n)
+            self.same[topic] += n if at is None else at
+            if at is not None:
+                x, y = (_raw(topic, waiting[0], at) for waiting in (one, two))
+                text = _explain(topic, x, y)
+                self.found.append(Difference(topic, self.same[topic], min(x.log_ns, y.log_ns), text))
+                self._open.remove(topic)
+                one.clear()
+                two.clear()
+                return
+            for waiting in (one, two):
+                rest = waiting.pop(0)
+                if len(rest.log_ns) > n:
+                    waiting.insert(0, rest.chosen(np.arange(n, len(rest.log_ns))))
+
+
+def _first_difference(one: Block, two: Block, n: int) -> int | None:
+    """Index of the first of `n` messages whose time or bytes differ, None if there is none."""
+    a, b = one.chosen(np.arange(n)), two.chosen(np.arange(n))
+    other = np.flatnonzero((a.log_ns != b.log_ns) | (a.end - a.start != b.end - b.start))
+    equal = int(other[0]) if len(other) else n
+    (x, offsets), (y, _) = (rows.chosen(np.arange(equal)).packed() for rows in (a, b))
+    if not np.array_equal(x, y):
+        return int(np.searchsorted(offsets, np.flatnonzero(x != y)[0], side="right")) - 1
+    return equal if len(other) else None
+
+
+def _raw(topic: str, rows: Block, i: int) -> Raw:
+    return Raw(int(rows.log_ns[i]), topic, 0, rows.data[rows.start[i] : rows.end[i]].tobytes())
 
 
 def _explain(topic: str, x: Raw, y: Raw) -> str:

@@ -76,7 +76,10 @@ def _indexed_chunk(file: IO[bytes], place: ChunkIndex) -> Chunk:
     head = file.read(4)
     crc = int.from_bytes(head, "little") if len(head) == 4 else 1
     offset = place.chunk_start_offset + place.chunk_length - place.compressed_size
-    return Chunk(offset, place.compressed_size, place.compression, place.uncompressed_size, crc)
+    return Chunk(
+        offset, place.compressed_size, place.compression, place.uncompressed_size, crc,
+        place.message_start_time, place.message_end_time,
+    )  # fmt: skip
 
 
 def _compare_front(file: IO[bytes], end: int, found: Found) -> None:

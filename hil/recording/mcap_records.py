@@ -28,13 +28,15 @@ RECORDS: dict[int, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A block of messages. `offset` and `size` are of its stored data in the file."""
+    """A block of messages, published from `start_ns` to `end_ns`. `offset` and `size`: its stored data in the file."""
 
     offset: int
     size: int
     compression: str
     uncompressed_size: int
     crc: int
+    start_ns: int
+    end_ns: int
 
     def unpack(self, stored: bytes) -> bytes:
         """The messages. Raises ValueError if the stored data is damaged."""

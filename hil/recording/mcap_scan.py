@@ -94,7 +94,7 @@ def _chunk(file: IO[bytes], at: int, length: int) -> Chunk | None:
     (stored,) = struct.unpack_from("<Q", head.ljust(CHUNK.size + 12, b"\0"), CHUNK.size + name_length)
     if CHUNK.size + name_length + 8 + stored != length:
         return None
-    return Chunk(at + HEAD.size + length - stored, stored, name, uncompressed, crc)
+    return Chunk(at + HEAD.size + length - stored, stored, name, uncompressed, crc, start_ns, end_ns)
 
 
 def _resynchronise(file: IO[bytes], start: int, size: int, known: set[int]) -> int | None:

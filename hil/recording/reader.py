@@ -7,23 +7,23 @@ topics.
 from __future__ import annotations
 
 import heapq
-import struct
-from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from mcap.opcode import Opcode
+import numpy as np
 from mcap.records import Channel
 
 from hil.contract.codec import CodecError, codec
 from hil.contract.topics import TOPICS
-from hil.recording.mcap_records import HEAD, Chunk
+from hil.recording.blocks import Block, joined, split
+from hil.recording.mcap_records import Chunk
 from hil.recording.mcap_scan import scan
 from hil.recording.mcap_writer import MAGIC
 from hil.recording.recorder import PICTURES, PREFIX
 
-_MESSAGE = struct.Struct("<HIQQ")
+_FOREVER_NS = 2**64
+_BLOCK_BYTES = 4 << 20  # of chunks that are read as one block: each numpy call costs as much as a hundred messages
 
 
 class ReadError(ValueError):
@@ -45,18 +45,6 @@ class Entry(NamedTuple):
     log_ns: int
     topic: str
     message: Any
-
-
-class Packed(NamedTuple):
-    """Messages of one topic: message i is `data[offsets[i]:offsets[i + 1]]`, published at `log_ns[i]`.
-
-    `published_ns` also has those that were not kept.
-    """
-
-    published_ns: array[int]
-    log_ns: array[int]
-    data: bytearray
-    offsets: array[int]
 
 
 class Missing(NamedTuple):
@@ -118,47 +106,46 @@ class Recording:
             except CodecError as error:
                 self._fault(f"{raw.topic} at {raw.log_ns / 1e9:.3f} s: {error}")
 
-    def raw(self, topics: Iterable[str] | None = None) -> Iterator[Raw]:
-        """Messages of the file's `topics` (default all, views too) as bytes, in the order of publication."""
-        wanted = None if topics is None else set(topics)
-        ids = {i for i, c in self._channels.items() if wanted is None or c.topic in wanted}
-        if not self._ours:  # rewritten by another tool: no promise about chunks
-            return iter(sorted(self._lane(self._chunks, ids), key=lambda raw: raw.log_ns))
-        # small messages and pictures lie in separate chunks that overlap in time: read each lane by itself, then merge
-        lanes = []
-        pictures = {i for i in ids if self._channels[i].topic.endswith(PICTURES)}
-        if ids - pictures:
-            lanes.append([c for c in self._chunks if c.compression])
-        if pictures:
-            lanes.append([c for c in self._chunks if not c.compression])
-        if len(lanes) == 1:
-            return self._lane(lanes[0], ids)  # a merge of one lane costs as much as reading it
-        return heapq.merge(*(self._lane(chunks, ids) for chunks in lanes), key=lambda raw: raw.log_ns)
+    def raw(
+        self, topics: Iterable[str] | None = None, *, start_ns: int = 0, end_ns: int = _FOREVER_NS
+    ) -> Iterator[Raw]:
+        """Messages of the file's `topics` (default all, views too) as bytes, in the order of publication.
+
+        Only those published from `start_ns` to `end_ns`, both included.
+        """
+        lanes = [(self._raw(block) for block in lane) for lane in self._lanes(topics, start_ns, end_ns)]
+        each = [(raw for block in lane for raw in block) for lane in lanes]
+        # a merge of one lane costs as much as reading it
+        return each[0] if len(each) == 1 else heapq.merge(*each, key=lambda raw: raw.log_ns)
+
+    def blocks(
+        self, topics: Iterable[str] | None = None, *, start_ns: int = 0, end_ns: int = _FOREVER_NS
+    ) -> Iterator[Block]:
+        """The same as arrays, some chunks at a time: pictures come after all small messages."""
+        for lane in self._lanes(topics, start_ns, end_ns):
+            waiting: list[Block] = []
+            for block in lane:
+                waiting.append(block)
+                if sum(len(one.data) for one in waiting) >= _BLOCK_BYTES:
+                    yield joined(waiting)
+                    waiting = []
+            if waiting:
+                yield joined(waiting)
+
+    def by_topic(self, block: Block) -> dict[str, Block]:
+        """The messages of each topic in `block`."""
+        found: dict[str, list[int]] = {}
+        for channel in np.unique(block.channel).tolist():
+            found.setdefault(self._channels[channel].topic, []).append(channel)
+        return {
+            topic: block.chosen(block.channel == ids[0] if len(ids) == 1 else np.isin(block.channel, ids))
+            for topic, ids in found.items()
+        }
 
     @property
     def end_ns(self) -> int | None:
         """When the last message was published, None without an intact index."""
         return self._statistics.message_end_time if self._statistics else None
-
-    def packed(self, topics: Iterable[str], *, spacing_ns: Mapping[str, int], until_ns: int) -> dict[str, Packed]:
-        """The messages of the file's `topics` that have any, in the order of publication.
-
-        Before `until_ns`, of a topic in `spacing_ns` only the first in each interval of that length is kept.
-        """
-        packed = {topic: Packed(array("q"), array("q"), bytearray(), array("q", [0])) for topic in topics}
-        slots = dict.fromkeys(spacing_ns, -1)
-        for log_ns, topic, _, data in self.raw(packed):
-            one = packed[topic]
-            one.published_ns.append(log_ns)
-            if log_ns < until_ns and topic in slots:
-                slot = log_ns // spacing_ns[topic]
-                if slot == slots[topic]:
-                    continue
-                slots[topic] = slot
-            one.log_ns.append(log_ns)
-            one.data.extend(data)
-            one.offsets.append(len(one.data))
-        return {topic: one for topic, one in packed.items() if one.log_ns}
 
     def note(self, fault: str) -> None:
         """Add what a reader of the messages found to be damaged."""
@@ -167,8 +154,9 @@ class Recording:
     def counts(self) -> dict[str, int]:
         """How many messages of each topic can be read. Reads the whole file."""
         counts = dict.fromkeys(self.topics, 0)
-        for raw in self.raw():
-            counts[raw.topic] += 1
+        for block in self.blocks():
+            for topic, rows in self.by_topic(block).items():
+                counts[topic] += len(rows.log_ns)
         return counts
 
     def missing(self) -> list[Missing]:
@@ -181,11 +169,15 @@ class Recording:
         gaps: list[Missing] = []
         last: dict[str, tuple[int, int]] = {}  # topic -> number and time of its newest message
         start_ns = self._statistics.message_start_time if self._statistics else 0
-        for raw in self.raw():
-            number, before_ns = last.get(raw.topic, (-1, start_ns))
-            if raw.sequence > number + 1:
-                gaps.append(Missing(raw.topic, raw.sequence - number - 1, before_ns, raw.log_ns))
-            last[raw.topic] = (raw.sequence, raw.log_ns)
+        for block in self.blocks():
+            for topic, rows in self.by_topic(block).items():
+                number, before_ns = last.get(topic, (-1, start_ns))
+                steps = np.diff(rows.sequence, prepend=number)
+                times = np.concatenate([[before_ns], rows.log_ns])
+                for i in np.flatnonzero(steps > 1).tolist():
+                    gaps.append(Missing(topic, int(steps[i]) - 1, int(times[i]), int(times[i + 1])))
+                last[topic] = (int(rows.sequence[-1]), int(rows.log_ns[-1]))
+        gaps.sort(key=lambda gap: gap.end_ns)
         if self._statistics:
             for channel, count in self._statistics.channel_message_counts.items():
                 topic = self._channels[channel].topic if channel in self._channels else f"number {channel}"
@@ -194,32 +186,53 @@ class Recording:
                     gaps.append(Missing(topic, count - number - 1, before_ns, self._statistics.message_end_time))
         return gaps
 
-    def _lane(self, chunks: list[Chunk], ids: set[int]) -> Iterator[Raw]:
+    def _lanes(self, topics: Iterable[str] | None, start_ns: int, end_ns: int) -> list[Iterator[Block]]:
+        """Blocks of `topics`, those of a lane in the order of publication; at least one lane.
+
+        Small messages and pictures lie in separate chunks that overlap in time: each is a lane.
+        """
+        wanted = None if topics is None else set(topics)
+        ids = {i for i, c in self._channels.items() if wanted is None or c.topic in wanted}
+        if not self._ours:  # rewritten by another tool: no promise about chunks
+            return [iter([joined(list(self._chosen(self._chunks, ids, start_ns, end_ns)))])]
+        pictures = {i for i in ids if self._channels[i].topic.endswith(PICTURES)}
+        lanes = []
+        if ids - pictures or not pictures:
+            lanes.append(self._chosen([c for c in self._chunks if c.compression], ids, start_ns, end_ns))
+        if pictures:
+            lanes.append(self._chosen([c for c in self._chunks if not c.compression], ids, start_ns, end_ns))
+        return lanes
+
+    def _chosen(self, chunks: list[Chunk], ids: set[int], start_ns: int, end_ns: int) -> Iterator[Block]:
+        """The messages of the channels `ids` in `chunks`, a chunk at a time; none is empty."""
+        known, wanted = np.zeros(1 << 16, dtype=bool), np.zeros(1 << 16, dtype=bool)
+        known[[*self._channels]], wanted[[*ids]] = True, True
         with self.path.open("rb") as file:
             for chunk in chunks:
-                yield from self._chunk(file, chunk, ids)
-
-    def _chunk(self, file: IO[bytes], chunk: Chunk, ids: set[int]) -> Iterator[Raw]:
-        file.seek(chunk.offset)
-        try:
-            data = chunk.unpack(file.read(chunk.size))
-        except ValueError as error:
-            self._bad_chunk(chunk, str(error))
-            return
-        at = 0
-        while at + HEAD.size <= len(data):
-            opcode, length = HEAD.unpack_from(data, at)
-            at += HEAD.size
-            if at + length > len(data):
-                self._bad_chunk(chunk, "it ends within a message")
-                return
-            if opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
-                channel, sequence, log_ns, _ = _MESSAGE.unpack_from(data, at)
-                if channel in ids:
-                    yield Raw(log_ns, self._channels[channel].topic, sequence, data[at + _MESSAGE.size : at + length])
-                elif channel not in self._channels:
+                if chunk.end_ns < start_ns or chunk.start_ns > end_ns:
+                    continue
+                file.seek(chunk.offset)
+                try:
+                    block, whole = split(chunk.unpack(file.read(chunk.size)))
+                except ValueError as error:
+                    self._bad_chunk(chunk, str(error))
+                    continue
+                if not whole:
+                    self._bad_chunk(chunk, "it ends within a message")
+                for channel in np.unique(block.channel[~known[block.channel]]).tolist():
                     self._fault(f"messages of a topic that is not described (number {channel}) were left out")
-            at += length
+                rows = wanted[block.channel]
+                if start_ns > 0 or end_ns < _FOREVER_NS:
+                    rows &= (block.log_ns >= start_ns) & (block.log_ns <= end_ns)
+                if rows.any():
+                    yield block if rows.all() else block.chosen(rows)
+
+    def _raw(self, block: Block) -> Iterator[Raw]:
+        data, names = block.data.tobytes(), {i: c.topic for i, c in self._channels.items()}
+        log_ns = block.log_ns.view(np.uint64)
+        columns = (block.channel, block.sequence, log_ns, block.start, block.end)
+        for channel, sequence, t, start, end in zip(*(column.tolist() for column in columns), strict=True):
+            yield Raw(t, names[channel], sequence, data[start:end])
 
     def _bad_chunk(self, chunk: Chunk, why: str) -> None:
         if chunk.offset not in self._bad_chunks:

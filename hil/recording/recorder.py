@@ -100,6 +100,13 @@ class Recorder:
         counts = self._writer.counts()
         return {topic: counts[PREFIX + topic] for topic in self._channels}
 
+    def note(self, name: str, values: Mapping[str, str]) -> None:
+        """Put a table of strings beside the messages; in lockstep nothing of a clock, as its bytes are compared."""
+        try:
+            self._writer.metadata(name, values)
+        except OSError as error:
+            raise RecordingError(f"recording to {self.path} failed: {error.strerror}") from error
+
     def flush(self) -> None:
         """Write everything to the operating system now: flushed data survives a killed process."""
         self._writer.flush()

@@ -61,6 +61,12 @@ class Run:
             raise RunError(f"{self.path / MANIFEST}: holds {', '.join(taken)} already")
         write_json(self.path / MANIFEST, {**manifest, **tables})
 
+    def begin(self, zero_utc: datetime) -> None:
+        """Write which wall time 0 ns of the run's clock was (in lockstep: when its virtual time began to run)."""
+        manifest = self.manifest
+        manifest["wall_clock"]["zero_utc"] = zero_utc.astimezone(UTC).isoformat(timespec="milliseconds")
+        write_json(self.path / MANIFEST, manifest)
+
     def finish(
         self, state: str, ended_utc: datetime, files: Mapping[str, Mapping[str, Any]] | None = None, **wall_clock: float
     ) -> str:

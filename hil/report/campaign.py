@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from markupsafe import Markup
 
@@ -26,14 +30,17 @@ from scenarios.spec import Tolerance
 
 CONFIDENCE = 0.95
 _COLOURS = {PERCHED: "#12805c", ATTACHED: "#a85b00"}
+_MISSED = "#c4262e"
+_AGAINST = ("impact_tangential", "normal_alignment_deg")
 _MEDIANS = (  # metric, digits
     ("planar", 3), ("normal_alignment_deg", 2), ("impact_tangential", 2), ("impact_normal", 2), ("duration", 2),
 )  # fmt: skip
 
 
-def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "") -> str:
+def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "", folder: Path | None = None) -> str:
     """The campaign's page. `baseline`: name of the policy that the others are compared with, the first if empty.
 
+    A run whose report is written is linked to it from the page's `folder`, the runs' own if None.
     Raises ValueError if not one run has a verdict.
     """
     lines, skipped = gather(runs)
@@ -42,6 +49,8 @@ def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "") -> 
     groups: dict[Group, list[Line]] = {}
     for line in sorted(lines, key=lambda line: (line.group, line.name)):
         groups.setdefault(line.group, []).append(line)
+    skipped, again = _flown_again(runs, lines, skipped)
+    links = _links(runs, folder)
     commits = sorted({line.commit for line in lines})
     mixed = [f"These runs are of different code: {', '.join(commits)}."] if len(commits) > 1 else []
     mixed += [
@@ -55,12 +64,39 @@ def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "") -> 
         runs=len(lines),
         confidence=round(100 * CONFIDENCE),
         skipped=skipped,
+        again=again,
+        linked=len(links) == len(runs),
         mixed=mixed,
         scenarios=len({group.scenario for group in groups}),
         summary=_summary(groups),
         comparison=comparison_table(lines, baseline, CONFIDENCE),
-        groups=[_group(group, found) for group, found in groups.items()],
+        groups=[_group(group, found, links) for group, found in groups.items()],
     )
+
+
+def _flown_again(runs: Sequence[Run], lines: Sequence[Line], skipped: list[str]) -> tuple[list[str], list[str]]:
+    """`skipped` parted: those left out for good, and those that were cut short and flown again (a campaign resumed)."""
+    counted = {_conditions(line.manifest) for line in lines}
+    resumed = {run.path.name for run in runs if _conditions(run.manifest) in counted}
+    again = [text for text in skipped if text.split(": ")[0] in resumed]
+    return [text for text in skipped if text not in again], again
+
+
+def _conditions(manifest: dict[str, Any]) -> str:
+    """What a simulated run was of, to the last value; a real attempt is never another's repetition."""
+    names = ("scenario", "rig", "policy", "seed") if manifest.get("identity") == "sim" else ("wall_clock",)
+    return json.dumps([manifest.get(name) for name in names], sort_keys=True)
+
+
+def _links(runs: Sequence[Run], folder: Path | None) -> dict[str, str]:
+    """Name of a run -> its report, relative to the page; of runs of one name none."""
+    names = Counter(run.path.name for run in runs)
+    found = {}
+    for run in runs:
+        report = run.path / "report.html"
+        if report.exists() and names[run.path.name] == 1:
+            found[run.path.name] = quote(os.path.relpath(report, folder or run.path.parent))
+    return found
 
 
 def _summary(groups: dict[Group, list[Line]]) -> Markup:
@@ -90,7 +126,7 @@ def _rate(successes: int, runs: int) -> Markup:
     ).format(successes, runs, f"{100 * low:.0f}", f"{100 * high:.0f}", f"{left:.1f}", f"{width:.1f}", f"{tick:.1f}")
 
 
-def _group(about: Group, group: list[Line]) -> dict[str, Any]:
+def _group(about: Group, group: list[Line], links: dict[str, str]) -> dict[str, Any]:
     title = nested(group[0].manifest, "scenario").get("title", about.scenario)
     if "scenario" in group[0].apart:
         title = f"{title}, {about.scenario}"
@@ -101,10 +137,10 @@ def _group(about: Group, group: list[Line]) -> dict[str, Any]:
     return {
         "name": about.ident,
         "title": f"{title} ({words}, {about.policy})",
-        "scatter": _scatter(group),
+        "scatter": _scatter(group) + _limits(group) + _legend(group),
         "reasons": table(("outcome", "runs"), list(rows), "narrow"),
         "published": _published(group[0]),
-        "table": _runs(group),
+        "table": _runs(group, links),
     }
 
 
@@ -118,10 +154,57 @@ def _scatter(group: list[Line]) -> Markup:
     plane.circle(0, 0, tolerance, "fill:rgba(18,128,92,.10);stroke:#12805c;stroke-dasharray:5 3", tip="tolerance")
     for line in group:
         m = line.score["metrics"]
-        if m["x"] is not None and math.isfinite(m["x"]) and math.isfinite(m["y"]):
-            colour = _COLOURS.get(line.verdict, "#c4262e")
-            plane.dot(-m["y"], m["x"], 4, f"fill:{colour};fill-opacity:.75;stroke:#fff", tip=line.name)
+        if _finite(line, "x", "y"):
+            plane.dot(-m["y"], m["x"], 4, _dot(line), tip=line.name)
     return plane.svg()
+
+
+def _limits(group: list[Line]) -> Markup:
+    """How the runs that touched stood to the other two tolerances: speed along the board, and angle."""
+    tolerance, touched = _tolerance(group[0]), [line for line in group if _finite(line, *_AGAINST)]
+    speeds, angles = ([line.score["metrics"][key] for line in touched] for key in _AGAINST)
+    limit = tolerance.tangential_speed, math.degrees(tolerance.angle)
+    most = [
+        max(1.4 * side, *(1.05 * v for v in values), 0.0) for side, values in zip(limit, (speeds, angles), strict=True)
+    ]
+    plane = Plane(
+        (0.0, most[0]),
+        (0.0, most[1]),
+        width=380,
+        max_height=380,
+        equal=False,
+        name="Sliding speed and angle at contact",
+    )
+    plane.axes("speed along the board (m/s)", "angle to the normal (deg)")
+    corners = [(0.0, 0.0), (limit[0], 0.0), limit, (0.0, limit[1])]
+    plane.polygon(corners, "fill:rgba(18,128,92,.10);stroke:#12805c;stroke-dasharray:5 3")
+    for line, speed, angle in zip(touched, speeds, angles, strict=True):
+        plane.dot(speed, angle, 4, _dot(line), tip=line.name)
+    return plane.svg()
+
+
+def _legend(group: list[Line]) -> Markup:
+    """What the dots' colours mean, and how many runs have none."""
+    keys = Markup(" ").join(
+        Markup('<span class="key dots"><i style="--c:{}"></i>{}</span>').format(colour, words)
+        for colour, words in ((_COLOURS[PERCHED], "perched"), (_COLOURS[ATTACHED], "attached, outside tolerance"),
+                              (_MISSED, "missed"))
+    )  # fmt: skip
+    without = sum(not _finite(line, "x", "y") for line in group)
+    text = f"; {without} of {len(group)} did not touch the board and have no dot" if without else ""
+    return Markup(
+        '<p class="small legend-row">{}</p><p class="small">First: where the magnet met the board. Second: how fast it '
+        "slid and at which angle. Green: within tolerance{}.</p>"
+    ).format(keys, text)
+
+
+def _dot(line: Line) -> str:
+    return f"fill:{_COLOURS.get(line.verdict, _MISSED)};fill-opacity:.75;stroke:#fff"
+
+
+def _finite(line: Line, *keys: str) -> bool:
+    values = [line.score["metrics"][key] for key in keys]
+    return all(value is not None and math.isfinite(value) for value in values)
 
 
 def _published(line: Line) -> Markup:
@@ -143,7 +226,7 @@ def _published(line: Line) -> Markup:
     return Markup('<p class="small">{}.</p>').format(text)
 
 
-def _runs(group: list[Line]) -> Markup:
+def _runs(group: list[Line], links: dict[str, str]) -> Markup:
     rows: list[tuple[object, ...]] = []
     for line in group:
         m = line.score["metrics"]
@@ -160,7 +243,7 @@ def _runs(group: list[Line]) -> Markup:
                 number(m["duration"], 2),
                 number(m["blind_time"], 2),
                 "; ".join(line.score["reasons"]),
-                Markup('<span class="small">{}</span>').format(line.name),
+                _name(line.name, links),
             )
         )
     head = (
@@ -168,6 +251,12 @@ def _runs(group: list[Line]) -> Markup:
         "time s", "blind s", "why not", "run",
     )  # fmt: skip
     return table(head, rows, "runs")
+
+
+def _name(name: str, links: dict[str, str]) -> Markup:
+    if name not in links:
+        return Markup('<span class="small">{}</span>').format(name)
+    return Markup('<a class="small" href="{}">{}</a>').format(links[name], name)
 
 
 def _tolerance(line: Line) -> Tolerance:

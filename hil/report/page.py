@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,39 +26,52 @@ _HERE = Path(__file__).parent
 def render(recorded: Sequence[Recorded]) -> str:
     """The page of one flight, or of two side by side."""
     pack = Pack()
-    built = [build_all(flight) for flight in recorded]
-    rows = [
-        {
-            "ident": cells[0].ident,
-            "title": cells[0].title,
-            "cells": [_cell(pack, i, r, s) for i, (r, s) in enumerate(zip(recorded, cells, strict=True))],
-        }
-        for cells in zip(*built, strict=True)
-    ]
+    rows = [_row(pack, recorded, cells) for cells in zip(*map(build_all, recorded), strict=True)]
     flights = [_head(flight) for flight in recorded]
     title = " against ".join(flight.name for flight in recorded)
-    data = {**pack.table(), "flights": [_axis(flight) for flight in recorded]}
+    data = embedded({**pack.table(), "flights": [_axis(flight) for flight in recorded]})
+    del pack  # as large as the page
     return template("flight.html.j2").render(
         title=title,
         flights=flights,
         rows=rows,
         css=Markup(asset("report.css")),
         script=Markup(asset("plots.js") + asset("scene.js")),
-        data=embedded(data),
+        data=data,
     )
 
 
-def _cell(pack: Pack, flight: int, recorded: Recorded, section: Section) -> dict[str, Any]:
-    parts = []
-    for part in section.parts:
-        if isinstance(part, TimePlot):
-            ident = pack.add(flight, recorded, part)
-            parts.append(
-                Markup('<figure class="plot" id="{}" style="min-height:{}px"></figure>').format(ident, part.height)
-            )
-        else:
-            parts.append(part)
-    return {"parts": parts, "lost": section.lost if section.ident != "missing" else []}
+def _row(pack: Pack, recorded: Sequence[Recorded], cells: Sequence[Section]) -> dict[str, Any]:
+    """One section: of one flight in its order, of several with text and figures side by side over joint plots."""
+    alone = len(cells) == 1
+    by_key = [{part.key: part for part in section.parts if isinstance(part, TimePlot)} for section in cells]
+    joint = dict.fromkeys(key for plots in by_key for key in plots)
+    drawn = {key: _figure(pack, [(r, of.get(key)) for r, of in zip(recorded, by_key, strict=True)]) for key in joint}
+    row = {
+        "ident": cells[0].ident,
+        "title": cells[0].title,
+        "cells": [
+            {
+                "parts": [
+                    drawn[part.key] if isinstance(part, TimePlot) else part
+                    for part in section.parts
+                    if alone or not isinstance(part, TimePlot)
+                ],
+                "lost": section.lost if section.ident != "missing" else [],
+            }
+            for section in cells
+        ],
+        "joint": [] if alone else list(drawn.values()),
+    }
+    for section in cells:
+        section.parts.clear()  # their plots are packed
+    return row
+
+
+def _figure(pack: Pack, flights: list[tuple[Recorded, TimePlot | None]]) -> Markup:
+    ident = pack.add(flights)
+    height = pack.plots[-1]["height"]
+    return Markup('<figure class="plot" id="{}" style="min-height:{}px"></figure>').format(ident, height)
 
 
 def _head(recorded: Recorded) -> dict[str, Any]:
@@ -68,9 +82,11 @@ def _head(recorded: Recorded) -> dict[str, Any]:
         ("policy", nested(manifest, "policy").get("name")),
     ]
     facts += [
+        ("detections from", _detections(nested(manifest, "rig", "camera"))),
         ("rig", nested(manifest, "rig").get("title")),
         ("host", manifest.get("host")),
         ("flown", _moment(nested(manifest, "wall_clock").get("started_utc"))),
+        ("attempt began", _attempt_moment(recorded)),
     ]
     faults = list(recorded.recording.faults)
     if not recorded.recording.complete and not faults:
@@ -105,6 +121,26 @@ def _axis(recorded: Recorded) -> dict[str, Any]:
         "marks": [[s(m.t_ns), m.severity, m.text, m.label] for m in marks(recorded)],
         "phases": [[s(a), s(b), name] for a, b, name in phases(recorded)],
     }
+
+
+def _detections(camera: dict[str, Any]) -> str | None:
+    """What the detections were found in, by the rig's camera."""
+    if camera.get("source") == "model":
+        return "the paper's noise model, no pictures"
+    return None if "kind" not in camera else "drawn pictures" if camera["kind"] == "sim" else "real pictures"
+
+
+def _attempt_moment(recorded: Recorded) -> str | None:
+    """Wall time of the plots' 0 s; None in virtual time, or if it is not known."""
+    tables = (nested(recorded.manifest, "wall_clock"), recorded.recording.metadata.get("wall_clock", {}))
+    zero = next((table["zero_utc"] for table in tables if "zero_utc" in table), None)
+    if recorded.manifest.get("host", "live") != "live" or recorded.attempt_ns is None or not isinstance(zero, str):
+        return None
+    try:
+        began = datetime.fromisoformat(zero) + timedelta(microseconds=recorded.attempt_ns / 1e3)
+    except ValueError:
+        return None
+    return f"{began:%H:%M:%S}.{began.microsecond // 1000:03d} UTC"
 
 
 def _moment(text: str | None) -> str | None:

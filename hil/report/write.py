@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
+from hil.recording.reader import ReadError
 from hil.recording.runs import MANIFEST, RECORDING, Run, RunError, list_runs, open_run
 from hil.report import campaign, page
 from hil.report.recorded.flight import load
 
 
-def write_report(runs: Sequence[Path], compare: Path | None = None, out: Path | None = None) -> Path:
+def write_report(
+    runs: Sequence[Path], compare: Path | None = None, out: Path | None = None, *, each: bool = False
+) -> Path:
     """Write the report of `runs` and return its path: of one run, of two side by side, or of a campaign of several.
+
+    `each`: of a campaign, also the report of each run that can be read, which the page then links to.
 
     Raises ReadError or RunError if a path is no run, ValueError for an invalid choice, OSError if `out` cannot be
     written.
@@ -25,8 +31,11 @@ def write_report(runs: Sequence[Path], compare: Path | None = None, out: Path | 
     elif len(folders) == 1:
         html, target = page.render([load(folders[0])]), _beside(folders[0], "report.html")
     else:
-        html = campaign.render([open_run(folder) for folder in folders])
+        for folder in folders if each else ():
+            with suppress(ReadError, RunError):
+                write_report([folder])
         target = _common(folders) / "campaign.html"
+        html = campaign.render([open_run(folder) for folder in folders], folder=(out or target).resolve().parent)
     target = out or target
     scratch = target.with_name(f".{target.name}.new")
     try:

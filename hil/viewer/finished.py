@@ -20,6 +20,7 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from google.protobuf.message import DecodeError, Message
 
 from hil.report.drawing.charts import BOARD, VEHICLE, TimePlot, thin
+from hil.report.recorded.columns import Columns
 from hil.report.recorded.flight import Recorded
 from hil.report.recorded.geometry import Motion
 from hil.report.sections import commands, estimate, touchdown
@@ -31,8 +32,8 @@ from vehicle.camera.pinhole import Camera
 _BEFORE_NS = 500_000_000
 _PICTURES = "/camera/image"
 _POSES = ("truth/vehicle", "mocap/vehicle", "vehicle/odometry", "truth/board", "mocap/board")
-_SINGLE = ("event", "run/stage", "referee/contact")  # each message counts: they are not thinned
-_STREAMED = (*_SINGLE, "belief", "board/detection", "policy/action", "vehicle/sent")
+_CHANGING = {"run/stage": "name", "referee/contact": "outcome"}  # shown when this field changes
+_STREAMED = (*_CHANGING, "event", "belief", "board/detection", "policy/action", "vehicle/sent")
 
 # The report's plots that need more than one message at a time: tab -> keys.
 _DERIVED = {"perching": ("closing",), "estimate": ("belief-position", "belief-angles", "belief-speed")}
@@ -80,8 +81,13 @@ def _origin_ns(recorded: Recorded) -> int:
 
 
 def _shown(recorded: Recorded, t_ns: np.ndarray | int) -> np.ndarray:
-    """Mask of the times worth showing: the attempt with half a second before it, or everything if there was none."""
-    return np.asarray(t_ns) >= (recorded.window_ns[0] - _BEFORE_NS if recorded.attempt_ns is not None else 0)
+    """Mask of the times worth showing."""
+    return np.asarray(t_ns) >= _first_ns(recorded)
+
+
+def _first_ns(recorded: Recorded) -> int:
+    """From when on the run is shown: half a second before the attempt, or from its start if there was none."""
+    return max(0, recorded.window_ns[0] - _BEFORE_NS) if recorded.attempt_ns is not None else 0
 
 
 def _messages(recorded: Recorded) -> Iterator[_Shown]:
@@ -92,14 +98,31 @@ def _messages(recorded: Recorded) -> Iterator[_Shown]:
         if columns is None:
             continue
         stamps = columns.nanoseconds()
-        keep = thin(recorded, stamps, every=topic not in _SINGLE)
-        keep = keep[_shown(recorded, stamps[keep])].tolist()
-        lanes.append([_Shown(int(columns.log_ns[i]), int(stamps[i]), topic, columns.messages[i]) for i in keep])
+        keep = (
+            _changes(columns, _CHANGING[topic])
+            if topic in _CHANGING
+            else thin(recorded, stamps, every=topic != "event")
+        )
+        keep = keep[_shown(recorded, stamps[keep])]
+        lanes.append(_lane(topic, columns, keep, stamps[keep]))
     yield from heapq.merge(*lanes, key=lambda shown: shown.log_ns)
 
 
+def _changes(columns: Columns, field: str) -> np.ndarray:
+    """Indices of the first message and of those whose `field` differs from the one before."""
+    values = columns[field]
+    return np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+
+
+def _lane(topic: str, columns: Columns, keep: np.ndarray, stamps: np.ndarray) -> Iterator[_Shown]:
+    """The messages `keep` of one topic, decoded one at a time."""
+    for i, log_ns, stamp_ns in zip(keep.tolist(), columns.log_ns[keep].tolist(), stamps.tolist(), strict=True):
+        yield _Shown(log_ns, stamp_ns, topic, columns.messages[i])
+
+
 def _pictures(recorded: Recorded) -> Iterator[_Shown]:
-    for raw in recorded.recording.raw([_PICTURES]) if _PICTURES in recorded.recording.topics else ():
+    recording = recorded.recording
+    for raw in recording.raw([_PICTURES], start_ns=_first_ns(recorded)) if _PICTURES in recording.topics else ():
         picture = _parsed(CompressedImage, raw.data)
         if picture is not None and _shown(recorded, picture.timestamp.ToNanoseconds()):
             yield _Shown(raw.log_ns, picture.timestamp.ToNanoseconds(), "", picture.data)

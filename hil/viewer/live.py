@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from urllib.parse import quote
 
 from hil.viewer.tap import Feed, FeedSpec, yield_to_others
-from hil.viewer.view import ViewerError, address, free_port, has_display, rerun, spawn_viewer, stop_viewer
-
-_START_S = 30.0
+from hil.viewer.view import (
+    ViewerError,
+    accepts,
+    address,
+    error_in,
+    free_port,
+    has_display,
+    how_to_open,
+    page_of,
+    rerun,
+    spawn_viewer,
+    stop_viewer,
+)
 
 
 class RunViewer:
@@ -35,32 +42,27 @@ class RunViewer:
             self.served, self._port = True, free_port()
             process = self._start()
         if process is None:
-            words = self._errors()
+            words = error_in(self.log)
             self._folder.cleanup()
             raise ViewerError(f"the viewer does not start{words}", 3)
         self._process = process
-        if self.served:
-            forward = " ".join(f"-L {port}:127.0.0.1:{port}" for port in (self._web, self._port))
-            remark(f"viewer: open {self.page}")
-            remark(f"  if your browser is on another computer, first there: ssh {forward} {socket.gethostname()}")
+        for line in how_to_open(self._port, self._web) if self.served else ():
+            remark(line)
 
     def _start(self) -> subprocess.Popen[bytes] | None:
         """The viewer, once it accepts connections; None if it ended instead."""
         with self.log.open("ab") as output:
             process = spawn_viewer(self._port, log=output, web_port=self._web if self.served else None)
         yield_to_others(process)
-        until = time.monotonic() + _START_S
-        while process.poll() is None and time.monotonic() < until:
-            with suppress(OSError), socket.create_connection(("127.0.0.1", self._port), timeout=0.2):
-                return process
-            time.sleep(0.05)
+        if accepts(process, self._port):
+            return process
         stop_viewer(process)
         return None
 
     @property
     def page(self) -> str:
         """What a browser opens."""
-        return f"http://127.0.0.1:{self._web}/?url={quote(address(self._port), safe='')}"
+        return page_of(self._port, self._web)
 
     @property
     def sink(self) -> str:
@@ -78,7 +80,7 @@ class RunViewer:
     def close(self) -> None:
         """A page is served until Ctrl-C if there is a terminal; the user closes a window."""
         if not self.served:
-            if self._process.poll() is not None and (why := self._errors()):
+            if self._process.poll() is not None and (why := error_in(self.log)):
                 self._remark(f"the viewer's window is gone{why}")
         elif sys.stdin.isatty():
             self._remark(f"viewer: still at {self.page}; Ctrl-C ends it")
@@ -93,7 +95,3 @@ class RunViewer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _errors(self) -> str:
-        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.startswith("Error")]
-        return f": {lines[-1][:160]}" if lines else ""

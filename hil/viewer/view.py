@@ -11,14 +11,18 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import IO
+from urllib.parse import quote
 
 from hil.report.recorded.flight import Recorded, load
 
 APPLICATION = "perch-hil"
+_START_S = 30.0
 
 
 class ViewerError(RuntimeError):
@@ -54,31 +58,72 @@ def save_rrd(run: Path | str, path: Path) -> None:
         scratch.unlink(missing_ok=True)
 
 
-def open_viewer(run: Path | str) -> None:
-    """Show a run in Rerun's window and wait until it is closed.
+def open_viewer(run: Path | str, remark: Callable[[str], None]) -> None:
+    """Show a run in Rerun's window until it is closed; without a display serve a page until Ctrl-C.
 
-    Raises as `save_rrd`, and ViewerError if no window can be opened.
+    `remark` receives lines on how to open the page. Raises as `save_rrd`, and ViewerError if Rerun does not start.
     """
     sdk = rerun()
     recorded = load(run)
-    if not has_display():
-        raise ViewerError("there is no display for a window here. Use --save FILE.rrd and open that elsewhere", 3)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # the viewer must not be left behind
     with tempfile.TemporaryDirectory(prefix="perch-hil-") as folder:
         path = Path(folder) / f"{recorded.name}.rrd"
         _write(sdk, recorded, path)
-        log = Path(folder) / "viewer.log"
-        with log.open("wb") as output, spawn_viewer(free_port(), path, log=output) as window:
-            try:
-                window.wait()
-            except KeyboardInterrupt:
-                stop_viewer(window)
+        if has_display():
+            words = _show(path, None, remark)
+            if not words:
                 return
-        # its exit code is 0 also when no window could be opened
-        errors = [line for line in log.read_text(errors="replace").splitlines() if line.startswith("Error")]
-    if errors:
-        raise ViewerError(
-            f"Rerun opened no window ({errors[-1][:160]}). Use --save FILE.rrd and open that elsewhere", 3
-        )
+            remark(f"Rerun opened no window here{words}: serving a page instead")
+        words = _show(path, free_port(), remark)
+    if words:
+        raise ViewerError(f"Rerun does not start{words}. Use --save FILE.rrd and open that elsewhere", 3)
+
+
+def _show(path: Path, web_port: int | None, remark: Callable[[str], None]) -> str:
+    """Show a file until the viewer or the user ends it; returns why it could not be shown, empty if it was."""
+    log, port = path.with_suffix(".log"), free_port()
+    with log.open("wb") as output:
+        viewer = spawn_viewer(port, path, log=output, web_port=web_port)
+    try:
+        if web_port is not None and accepts(viewer, port):
+            for line in (*how_to_open(port, web_port), "Ctrl-C ends it"):
+                remark(line)
+        viewer.wait()
+    except KeyboardInterrupt:
+        return ""
+    finally:
+        stop_viewer(viewer)
+    return error_in(log) or (": it ended" if web_port is not None else "")  # its exit code is 0 in any case
+
+
+def accepts(viewer: subprocess.Popen[bytes], port: int) -> bool:
+    """Wait until a viewer accepts connections; False if it ends, or does not within half a minute."""
+    until = time.monotonic() + _START_S
+    while viewer.poll() is None and time.monotonic() < until:
+        with suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=0.2):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def page_of(port: int, web_port: int) -> str:
+    """What a browser opens."""
+    return f"http://127.0.0.1:{web_port}/?url={quote(address(port), safe='')}"
+
+
+def how_to_open(port: int, web_port: int) -> list[str]:
+    """What to tell of a page that is served, also to the user of another computer."""
+    forward = " ".join(f"-L {number}:127.0.0.1:{number}" for number in (web_port, port))
+    return [
+        f"viewer: open {page_of(port, web_port)}",
+        f"  if your browser is on another computer, first there: ssh {forward} {socket.gethostname()}",
+    ]
+
+
+def error_in(log: Path) -> str:
+    """The last error that Rerun logged, as the end of a sentence; empty if there is none."""
+    lines = [line for line in log.read_text(errors="replace").splitlines() if line.startswith("Error")]
+    return f": {lines[-1][:160]}" if lines else ""
 
 
 def spawn_viewer(

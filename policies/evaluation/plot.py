@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720, 360, 56, 40, 24
+_FEWEST = 20  # episodes behind a drawn point
 
 
 def _points(xs: list[float], ys: list[float], span: tuple[float, float], y1: float) -> str:
@@ -21,20 +22,28 @@ def _points(xs: list[float], ys: list[float], span: tuple[float, float], y1: flo
 def learning_curve(table: Path, drawing: Path, title: str) -> None:
     """Draw success over samples from a curve's CSV, smoothed over a fiftieth of the lines, into an SVG.
 
-    It is the success of the training episodes, with exploration noise and the teacher's share of the steps.
+    It is the success of the training episodes, with exploration noise and the teacher's share of the steps. Fewer than
+    `_FEWEST` episodes of a phase are no share: nothing is drawn there.
     """
     with table.open() as file:
         lines = list(csv.DictReader(file))
     xs = [float(line["samples"]) / 1e6 for line in lines]
-    raw = [100.0 * float(line["success"]) for line in lines]
+    counts = [float(line.get("episodes") or _FEWEST) for line in lines]  # curves of older runs do not tell
+    hits = [float(line["success"]) * n if n else 0.0 for line, n in zip(lines, counts, strict=True)]
+    raw = [_percent(hit, n) for hit, n in zip(hits, counts, strict=True)]
     span = max(1, len(raw) // 50)
     smooth = []
     for i in range(len(raw)):
-        part = [y for y in raw[max(0, i - span) : i + 1] if math.isfinite(y)]
-        smooth.append(sum(part) / len(part) if part else math.nan)
+        part = [k for k in range(max(0, i - span), i + 1) if lines[k].get("phase") == lines[i].get("phase")]
+        part = [k for k in part if math.isfinite(hits[k])]
+        smooth.append(_percent(sum(hits[k] for k in part), sum(counts[k] for k in part)))
     ends = min(xs, default=0.0), max(xs, default=1.0)
     label = "million samples, ancestors' included; success of the episodes flown to learn from"
     drawing.write_text(_frame(title, ends, label, _lines(xs, raw, smooth, ends)))
+
+
+def _percent(hits: float, episodes: float) -> float:
+    return 100.0 * hits / episodes if episodes >= _FEWEST else math.nan
 
 
 def _lines(xs: list[float], raw: list[float], smooth: list[float], ends: tuple[float, float]) -> str:

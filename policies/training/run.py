@@ -88,7 +88,7 @@ def run(
             numbers = {"phase": index, **_step(learner, path)}
             numbers["samples"] = base + numbers["samples"]
             seconds = time.monotonic() - begun
-            curve.add({"samples": numbers["samples"], "phase": index, "success": numbers["success"]})
+            curve.add({key: numbers[key] for key in ("samples", "phase", "success", "episodes")})
             _log(out_dir, {**numbers, "seconds": seconds})
             if progress is not None:
                 progress({**numbers, "share": learner.samples / settings.samples, "seconds": seconds})

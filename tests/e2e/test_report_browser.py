@@ -95,7 +95,7 @@ def test_every_plot_is_drawn_within_the_page(opened, report, size):
             [...f.querySelectorAll('svg path.line, svg path.dash, svg path.step, svg path.dots')]
               .reduce((n, p) => n + (p.getAttribute('d').match(/[ML]/g) || []).length, 0)])"""
     )
-    assert len(plots) == 26
+    assert len(plots) == 36
     assert [ident for ident, height, points in plots if height < 80 or points < 5] == []
     assert tab.evaluate("document.documentElement.scrollWidth") <= size["width"]
     drawn = tab.evaluate("[...document.querySelectorAll('svg')].map((s) => s.outerHTML).join('')")
@@ -105,13 +105,13 @@ def test_every_plot_is_drawn_within_the_page(opened, report, size):
 def test_zoom_is_linked_between_plots(opened, report):
     tab = opened(report, DESKTOP)
     home = view(tab)
-    before = tab.locator("#plot-0-thrust path.step").first.get_attribute("d")
-    drag(tab, "plot-0-rho", 0.4, 0.7)
+    before = tab.locator("#plot-thrust path.step").first.get_attribute("d")
+    drag(tab, "plot-rho", 0.4, 0.7)
     low, high = view(tab)
     assert home[0] < low < high < home[1]
     assert high - low == pytest.approx(0.3 * (home[1] - home[0]), rel=0.15)
-    assert tab.locator("#plot-0-thrust path.step").first.get_attribute("d") != before
-    tab.locator("#plot-0-speed svg").dblclick()
+    assert tab.locator("#plot-thrust path.step").first.get_attribute("d") != before
+    tab.locator("#plot-speed svg").dblclick()
     settled(tab)
     assert view(tab) == home
 
@@ -123,7 +123,7 @@ def test_zoom_buttons_work_and_a_click_is_not_a_drag(opened, report):
     settled(tab)
     low, high = view(tab)
     assert high - low == pytest.approx(1.1, abs=1e-3)
-    tab.locator("#plot-0-speed svg").click()
+    tab.locator("#plot-speed svg").click()
     settled(tab)
     assert view(tab) == (low, high)
     tab.get_by_role("button", name="everything").click()
@@ -136,13 +136,13 @@ def test_zoom_buttons_work_and_a_click_is_not_a_drag(opened, report):
 
 def test_values_are_read_under_the_pointer(opened, report):
     tab = opened(report, DESKTOP)
-    svg = tab.locator("#plot-0-pitch svg")
+    svg = tab.locator("#plot-pitch svg")
     svg.scroll_into_view_if_needed()
     box = svg.bounding_box()
     tab.mouse.move(box["x"] + box["width"] * 0.6, box["y"] + 60)
-    values = tab.locator("#plot-0-pitch output").all_inner_texts()
+    values = tab.locator("#plot-pitch output").all_inner_texts()
     assert float(values[1]) == pytest.approx(45.0, abs=0.5)  # the board's inclination
-    assert tab.locator("#plot-0-rho output").first.inner_text() != ""  # other plots read the same instant
+    assert tab.locator("#plot-rho output").first.inner_text() != ""  # other plots read the same instant
     assert tab.locator("#now").inner_text().endswith(" s")
 
 
@@ -151,7 +151,7 @@ def test_pinch_zooms_on_a_phone(browser, report):
     tab = context.new_page()
     tab.goto(report.as_uri())
     home = view(tab)
-    svg = tab.locator("#plot-0-speed svg")
+    svg = tab.locator("#plot-speed svg")
     svg.scroll_into_view_if_needed()
     box = svg.bounding_box()
     session = context.new_cdp_session(tab)
@@ -181,14 +181,22 @@ def test_scene_can_be_rotated(opened, report):
     assert svg.inner_html() != before
 
 
-def test_two_flights_share_the_axis_and_the_scale(opened, tmp_path):
+def test_two_flights_are_drawn_on_one_axis(opened, tmp_path):
     path = write_report([GOLDEN], GOLDEN, tmp_path / "two.html")
-    tab = opened(path, DESKTOP)
-    left, right = (tab.locator(f"#plot-{i}-speed svg").bounding_box() for i in (0, 1))
-    assert left["y"] == right["y"] and left["x"] < right["x"]
-    drag(tab, "plot-1-speed", 0.3, 0.9)
-    ticks = [tab.locator(f"#plot-{i}-speed text.tick").all_inner_texts() for i in (0, 1)]
-    assert ticks[0] == ticks[1] != []
+    for size in (DESKTOP, PHONE):
+        tab = opened(path, size)
+        assert tab.locator("#plot-speed svg").count() == 1
+        drawn = [p.get_attribute("d") for p in tab.locator("#plot-speed path.line").all()]
+        assert len(drawn) == 4 and sorted(drawn)[::2] == sorted(drawn)[1::2]  # the same flight twice
+        assert tab.locator("#plot-speed .key").all_inner_texts() == ["A: vehicle", "A: board", "B: vehicle", "B: board"]
+        assert tab.evaluate("document.documentElement.scrollWidth") <= size["width"]
+
+
+def test_time_axes_have_a_unit_and_a_spike_has_a_mark(opened, report):
+    tab = opened(report, DESKTOP)
+    plots = tab.locator("figure.plot").count()
+    assert tab.locator("figure.plot text.unit").all_text_contents() == ["s"] * plots
+    assert tab.locator("figure.plot path.beyond").count() > 0  # the impact in the body rates
 
 
 def test_report_prints_on_a_bounded_number_of_pages(opened, report, tmp_path):

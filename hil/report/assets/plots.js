@@ -7,12 +7,14 @@
     return new Float32Array(bytes.buffer);
   });
   const LEFT = 46, RIGHT = 10, TOP = 20, BOTTOM = 18, STRIP = 5;
+  const SPIKE = 0.004;  // share of the samples that a spike may be
   const PHASES = ["#e8e3d8", "#cfd9e6", "#dcd3e6", "#cfe3d8", "#efe0c4", "#f0d3cf", "#d9dde2"];
   const home = [Math.min(...data.flights.map((f) => f.home[0])), Math.max(...data.flights.map((f) => f.home[1]))];
   const full = [Math.min(...data.flights.map((f) => f.full[0])), Math.max(...data.flights.map((f) => f.full[1]))];
   const decided = data.flights.map((f) => f.decided).filter((t) => t !== null);
   let view = home.slice(), cursor = null, waiting = false;
   const plots = [], phases = [...new Set(data.flights.flatMap((f) => f.phases.map((p) => p[2])))];
+  const two = data.flights.length > 1;
   let printing = false;
 
   const make = (tag, attributes, parent, text) => {
@@ -74,37 +76,33 @@
     return parts.join("");
   }
 
-  function range(key) {
-    let low = Infinity, high = -Infinity;
-    for (const plot of plots) {
-      if (plot.spec.key !== key) continue;
-      if (plot.spec.fixed) { low = Math.min(low, plot.spec.fixed[0]); high = Math.max(high, plot.spec.fixed[1]); continue; }
-      for (const s of plot.spec.series) {
-        const t = arrays[s.t], y = arrays[s.y];
-        for (let i = lower(t, view[0]), n = lower(t, view[1]); i < n; i++) {
-          if (y[i] < low) low = y[i];
-          if (y[i] > high) high = y[i];
-        }
-      }
+  // The y axis: what is visible, but for a spike of a few samples that would flatten all the rest (it gets a mark).
+  function range(spec) {
+    if (spec.fixed) return spec.fixed;
+    const seen = [];
+    for (const s of spec.series) {
+      const t = arrays[s.t], y = arrays[s.y];
+      for (let i = lower(t, view[0]), n = lower(t, view[1]); i < n; i++) if (Number.isFinite(y[i])) seen.push(y[i]);
     }
-    if (!(low <= high)) return [0, 1];
-    for (const plot of plots) {
-      if (plot.spec.key === key && !plot.spec.fixed) {
-        const room = high - low;  // a limit is shown when it is near what was flown
-        for (const [value] of plot.spec.lines) {
-          if (value > high && value < high + 0.6 * room) high = value;
-          if (value < low && value > low - 0.6 * room) low = value;
-        }
-      }
+    if (!seen.length) return [0, 1];
+    const sorted = Float32Array.from(seen).sort(), last = sorted.length - 1;
+    const few = Math.floor(SPIKE * last), usual = [sorted[few], sorted[last - few]], span = usual[1] - usual[0];
+    let [low, high] = [sorted[0], sorted[last]];
+    if (span > 0 && high - usual[1] > 2 * span) high = usual[1] + 0.25 * span;
+    if (span > 0 && usual[0] - low > 2 * span) low = usual[0] - 0.25 * span;
+    let room = high - low;  // a limit is shown when it is near what was flown
+    for (const [value] of spec.lines) {
+      if (value > high && value < high + 0.6 * room) high = value;
+      if (value < low && value > low - 0.6 * room) low = value;
     }
-    const room = plots.some((p) => p.spec.key === key && p.spec.fixed) ? 0 : Math.max(0.07 * (high - low), 1e-3);
+    room = Math.max(0.07 * (high - low), 1e-3);
     return [low - room, high + room];
   }
 
   class Plot {
     constructor(spec) {
       this.spec = spec;
-      this.flight = data.flights[spec.flight];
+      this.flights = [...new Set(spec.series.map((s) => s.flight))].sort();
       this.root = document.getElementById(spec.id);
       const head = node("figcaption", "", this.root);
       node("b", "", head, spec.title);
@@ -112,9 +110,9 @@
       this.legend = node("span", "legend", head);
       this.values = spec.series.map((s) => {
         if (!s.name) return null;
-        const item = node("span", "key " + s.style, this.legend);
+        const item = node("span", "key " + s.style + (s.flight ? " second" : ""), this.legend);
         node("i", "", item).style.setProperty("--c", s.colour);
-        node("span", "", item, s.name);
+        node("span", "", item, (two ? "AB"[s.flight] + ": " : "") + s.name);
         return node("output", "", item);
       });
       this.svg = make("svg", { role: "img", "aria-label": spec.title + ", " + spec.unit, tabindex: "-1" }, this.root);
@@ -167,12 +165,13 @@
     }
 
     draw(low, high) {
-      const width = this.width = printing ? Math.round(700 / data.flights.length) : Math.max(240, Math.round(this.root.clientWidth)), height = this.spec.height + TOP + BOTTOM;
+      const width = this.width = printing ? 700 : Math.max(240, Math.round(this.root.clientWidth)), height = this.spec.height + TOP + BOTTOM;
       const bottom = height - BOTTOM, right = width - RIGHT, svg = this.svg;
       const scale = this.scale = {
         width: right - LEFT,
         x: (t) => LEFT + (t - view[0]) / (view[1] - view[0]) * (right - LEFT),
-        y: (v) => bottom - (v - low) / (high - low) * (bottom - TOP),
+        y: (v) => this.spec.down ? TOP + (v - low) / (high - low) * (bottom - TOP)
+          : bottom - (v - low) / (high - low) * (bottom - TOP),
       };
       svg.replaceChildren();
       svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -187,8 +186,10 @@
       const xs = ticks(view[0], view[1], Math.max(3, Math.round(width / 90)));
       for (const value of xs.values) {
         make("path", { class: "grid", d: `M${scale.x(value).toFixed(1)} ${TOP}V${bottom}` }, svg);
+        if (scale.x(value) > right - 24) continue;  // the unit stands there
         make("text", { class: "tick", x: scale.x(value), y: bottom + 13, "text-anchor": "middle" }, svg, value.toFixed(xs.digits));
       }
+      make("text", { class: "tick unit", x: right, y: bottom + 13, "text-anchor": "end" }, svg, "s");
       this.phases(svg, scale, right);
       const inside = make("g", { "clip-path": `url(#${clip})` }, svg);
       for (const [value, name] of this.spec.lines) {
@@ -196,45 +197,69 @@
         make("path", { class: "limit", d: `M${LEFT} ${scale.y(value).toFixed(1)}H${right}` }, inside);
         make("text", { class: "limit", x: LEFT + 4, y: scale.y(value) + (scale.y(value) < TOP + 14 ? 11 : -3) }, inside, name);
       }
-      for (const s of this.spec.series) this.series(inside, scale, s);
+      const back = [...this.spec.series].sort((a, b) => b.flight - a.flight);  // the first flight lies over the second
+      for (const s of back) this.series(inside, scale, s);
       this.marks(svg, inside, scale, bottom);
+      this.beyond(svg, scale, low, high);
       this.band = make("rect", { class: "band", x: 0, y: TOP, width: 0, height: bottom - TOP }, svg);
       this.line = make("path", { class: "cursor", d: "" }, svg);
     }
 
     series(parent, scale, s) {
-      const t = arrays[s.t], y = arrays[s.y];
+      const t = arrays[s.t], y = arrays[s.y], other = s.flight ? " second" : "";
       if (s.style === "dots") {
         const parts = [];
         for (let i = lower(t, view[0]), n = lower(t, view[1]); i < n; i++) {
           if (Number.isFinite(y[i])) parts.push(`M${scale.x(t[i]).toFixed(1)} ${scale.y(y[i]).toFixed(1)}h0`);
         }
-        make("path", { class: "dots", d: parts.join(""), stroke: s.colour }, parent);
+        make("path", { class: "dots" + other, d: parts.join(""), stroke: s.colour }, parent);
       } else {
-        make("path", { class: s.style, d: points(t, y, scale, s.style === "step"), stroke: s.colour }, parent);
+        make("path", { class: s.style + other, d: points(t, y, scale, s.style === "step"), stroke: s.colour }, parent);
+      }
+    }
+
+    // A triangle where values leave the axis, with the farthest of them.
+    beyond(svg, scale, low, high) {
+      for (const upper of [true, false]) {
+        let most = null, when = 0;
+        for (const s of this.spec.series) {
+          const t = arrays[s.t], y = arrays[s.y];
+          for (let i = lower(t, view[0]), n = lower(t, view[1]); i < n; i++) {
+            if (!Number.isFinite(y[i]) || (upper ? y[i] <= high : y[i] >= low)) continue;
+            if (most === null || (upper ? y[i] > most : y[i] < most)) { most = y[i]; when = t[i]; }
+          }
+        }
+        if (most === null) continue;
+        const x = scale.x(when), y = scale.y(upper ? high : low), way = (upper !== !!this.spec.down) ? 1 : -1;
+        make("path", { class: "beyond", d: `M${x.toFixed(1)} ${(y + 1 * way).toFixed(1)}l4 ${6 * way}h-8z` }, svg);
+        const anchor = x > this.width - 70 ? "end" : "start";
+        make("text", { class: "beyond", x: x + (anchor === "end" ? -6 : 6), y: y + (way > 0 ? 9 : -3), "text-anchor": anchor },
+          svg, text(most));
       }
     }
 
     phases(svg, scale, right) {
-      for (const [a, b, name] of this.flight.phases) {
-        const x = Math.max(LEFT, scale.x(a)), end = Math.min(right, scale.x(b));
-        if (end <= x) continue;
-        const bar = make("rect", { x, y: TOP - STRIP, width: end - x, height: STRIP, fill: PHASES[phases.indexOf(name) % PHASES.length] }, svg);
-        make("title", {}, bar, name);
-        if (end - x > 6 * name.length) {
-          make("text", { class: "phase", x: x + 2, y: TOP - STRIP - 2 }, svg, name);
+      this.flights.forEach((flight, k) => {
+        for (const [a, b, name] of data.flights[flight].phases) {
+          const x = Math.max(LEFT, scale.x(a)), end = Math.min(right, scale.x(b)), y = TOP - STRIP * (this.flights.length - k);
+          if (end <= x) continue;
+          const bar = make("rect", { x, y, width: end - x, height: STRIP, fill: PHASES[phases.indexOf(name) % PHASES.length] }, svg);
+          make("title", {}, bar, (two ? "AB"[flight] + ": " : "") + name);
+          if (!k && end - x > 6 * name.length) make("text", { class: "phase", x: x + 2, y: y - 2 }, svg, name);
         }
-      }
+      });
     }
 
     marks(svg, parent, scale, bottom) {
-      for (const [t, severity, words, label] of this.flight.marks) {
-        if (t < view[0] || t > view[1]) continue;
-        const x = scale.x(t).toFixed(1);
-        const line = make("path", { class: "mark " + severity, d: `M${x} ${TOP}V${bottom}` }, parent);
-        make("title", {}, line, `${t.toFixed(3)} s  ${words}`);
-        if (label) make("text", { class: "mark " + severity, x: x - 3, y: TOP + 10, "text-anchor": "end" }, parent, label);
-      }
+      this.flights.forEach((flight, k) => {
+        for (const [t, severity, words, label] of data.flights[flight].marks) {
+          if (t < view[0] || t > view[1] || (two && !label)) continue;
+          const x = scale.x(t).toFixed(1), name = (two ? "AB"[flight] + " " : "") + label;
+          const line = make("path", { class: "mark " + severity, d: `M${x} ${TOP}V${bottom}` }, parent);
+          make("title", {}, line, `${t.toFixed(3)} s  ${words}`);
+          if (label) make("text", { class: "mark " + severity, x: x - 3, y: TOP + 10 + 11 * k, "text-anchor": "end" }, parent, name);
+        }
+      });
     }
 
     read() {
@@ -255,9 +280,7 @@
   }
 
   function redraw() {
-    const ranges = {};
-    for (const plot of plots) ranges[plot.spec.key] ??= range(plot.spec.key);
-    for (const plot of plots) { plot.draw(...ranges[plot.spec.key]); plot.read(); }
+    for (const plot of plots) { plot.draw(...range(plot.spec)); plot.read(); }
     const words = document.getElementById("shown");
     if (words) words.textContent = `${view[0].toFixed(2)} to ${view[1].toFixed(2)} s`;
     document.documentElement.dataset.view = view.map((v) => v.toFixed(4)).join(" ");

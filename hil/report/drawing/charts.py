@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +19,7 @@ VEHICLE, BOARD, BELIEF, SEEN, ASKED, MUTED, BAD = (
 
 _FINE_S = 0.007  # closest spacing of drawn samples around the attempt
 _COARSE_S = 0.1  # before and after it, at least
+_MOST_DOTS = 20_000  # of a series; beyond it dots are thinned as lines are
 _FINE_SPAN_NS, _COARSE_SAMPLES = 60_000_000_000, 3000  # a recording of hours must not make a report of gigabytes
 
 
@@ -33,7 +36,8 @@ class Series:
 
 @dataclass
 class TimePlot:
-    """One plot on the linked time axis. `lines` are horizontal limits (value, name); `fixed` keeps the y axis there."""
+    """One plot on the linked time axis, of one unit. `lines` are horizontal limits (value, name); `fixed` keeps the y
+    axis there; `down`: it counts downwards, as rows of a picture do."""
 
     key: str
     title: str
@@ -42,6 +46,7 @@ class TimePlot:
     lines: list[tuple[float, str]] = field(default_factory=list)
     fixed: tuple[float, float] | None = None
     height: int = 150
+    down: bool = False
 
     def add(self, name: str, colour: str, t: np.ndarray, y: np.ndarray, style: str = "line") -> None:
         self.series.append(Series(name, colour, t, np.asarray(y, dtype=np.float64), style))
@@ -53,38 +58,46 @@ class TimePlot:
 
 
 class Pack:
-    """Collects plots of one or more flights for the page; equal arrays are kept once."""
+    """Collects plots for the page; equal arrays are kept once."""
 
     def __init__(self) -> None:
         self._arrays: list[str] = []
         self._index: dict[bytes, int] = {}
         self.plots: list[dict[str, Any]] = []
 
-    def add(self, flight: int, recorded: Recorded, plot: TimePlot) -> str:
-        """Pack a plot; returns the id of the element the page puts it in."""
-        series = []
-        for s in plot.series:
-            keep = thin(recorded, s.t, s.y, every=s.style != "dots")
-            keep = keep[np.argsort(s.t[keep], kind="stable")]  # the page searches in them
-            t, y = recorded.seconds(s.t[keep]), s.y[keep]
-            series.append(
-                {"name": s.name, "colour": s.colour, "style": s.style, "t": self._array(t), "y": self._array(y)}
-            )
-        ident = f"plot-{flight}-{plot.key}"
+    def add(self, flights: Sequence[tuple[Recorded, TimePlot | None]]) -> str:
+        """Pack one plot of one flight, or of several on one axis; returns the id of the element the page puts it in."""
+        found = [plot for _, plot in flights if plot is not None]
+        first = found[0]
+        limits = [plot.fixed for plot in found if plot.fixed]
+        fixed = (min(low for low, _ in limits), max(high for _, high in limits)) if len(limits) == len(found) else None
         self.plots.append(
             {
-                "id": ident, "key": plot.key, "flight": flight, "title": plot.title, "unit": plot.unit,
-                "series": series, "lines": plot.lines, "fixed": plot.fixed, "height": plot.height,
+                "id": f"plot-{first.key}", "key": first.key, "title": first.title, "unit": first.unit,
+                "series": [
+                    self._series(flight, recorded, series)
+                    for flight, (recorded, plot) in enumerate(flights)
+                    for series in (plot.series if plot else ())
+                ],
+                "lines": list(dict.fromkeys(line for plot in found for line in plot.lines)),
+                "fixed": fixed, "height": first.height, "down": first.down,
             }
         )  # fmt: skip
-        return ident
+        return self.plots[-1]["id"]
+
+    def _series(self, flight: int, recorded: Recorded, series: Series) -> dict[str, Any]:
+        keep = thin(recorded, series.t, series.y, every=series.style != "dots" or len(series.t) > _MOST_DOTS)
+        keep = keep[np.argsort(series.t[keep], kind="stable")]  # the page searches in them
+        t, y = self._array(recorded.seconds(series.t[keep])), self._array(series.y[keep])
+        return {"flight": flight, "name": series.name, "colour": series.colour, "style": series.style, "t": t, "y": y}
 
     def _array(self, values: np.ndarray) -> int:
         data = values.astype("<f4").tobytes()
-        if data not in self._index:
-            self._index[data] = len(self._arrays)
+        key = hashlib.blake2b(data).digest()
+        if key not in self._index:
+            self._index[key] = len(self._arrays)
             self._arrays.append(base64.b64encode(data).decode("ascii"))
-        return self._index[data]
+        return self._index[key]
 
     def table(self) -> dict[str, Any]:
         return {"arrays": self._arrays, "plots": self.plots}

@@ -52,13 +52,21 @@ class Section:
 
 
 def table(head: tuple[str, ...], rows: list[tuple[object, ...]], css: str = "") -> Markup:
-    """An HTML table; every cell is escaped, Markup stays as it is. Columns after the first are right-aligned by CSS."""
+    """An HTML table; every cell is escaped, Markup stays as it is. Columns after the first are right-aligned by CSS.
+
+    One of four columns or more becomes a list of rows on a phone, each cell beside its column's name.
+    """
+    wide = len(head) >= 4 and css != "row"
+    open_cells = [Markup('<td data-h="{}">').format(name) if wide else Markup("<td>") for name in head]
     cells = Markup("").join(Markup("<th>{}</th>").format(name) for name in head)
     body = Markup("").join(
-        Markup("<tr>{}</tr>").format(Markup("").join(Markup("<td>{}</td>").format(_cell(c)) for c in row))
+        Markup("<tr>{}</tr>").format(
+            Markup("").join(tag + _cell(c) + Markup("</td>") for tag, c in zip(open_cells, row, strict=True))
+        )
         for row in rows
     )
     start = Markup("<thead><tr>{}</tr></thead>").format(cells) if any(head) else Markup("")
+    css = f"{css} wide" if wide else css
     return Markup('<div class="scroll"><table class="{}">{}<tbody>{}</tbody></table></div>').format(css, start, body)
 
 

@@ -23,16 +23,19 @@ def ticks(low: float, high: float, about: int = 5) -> list[float]:
 
 
 class Plane:
-    """A drawing with equal scale on both axes. Points are (horizontal, vertical) in metres, vertical up."""
+    """A drawing of points (horizontal, vertical), vertical up: metres, or with `equal` False any two quantities."""
 
     def __init__(
-        self, x: tuple[float, float], y: tuple[float, float], *, width: float, max_height: float, name: str
-    ) -> None:
-        """Shows at least the ranges `x` and `y` (m) in `width` px; the larger need sets the scale."""
+        self, x: tuple[float, float], y: tuple[float, float], *,
+        width: float, max_height: float, name: str, equal: bool = True,
+    ) -> None:  # fmt: skip
+        """Shows at least the ranges `x` and `y` in `width` px; with equal scales the larger need sets them."""
         room = width - _LEFT - _RIGHT
         span_x, span_y = max(x[1] - x[0], 1e-3), max(y[1] - y[0], 1e-3)
-        self.scale = min(room / span_x, (max_height - _TOP - _BOTTOM) / span_y)
-        self.width, self.height, self.name = width, span_y * self.scale + _TOP + _BOTTOM, name
+        self.scale, self._scale_y = room / span_x, (max_height - _TOP - _BOTTOM) / span_y
+        if equal:
+            self.scale = self._scale_y = min(self.scale, self._scale_y)
+        self.width, self.height, self.name = width, span_y * self._scale_y + _TOP + _BOTTOM, name
         middle = (x[0] + x[1]) / 2
         self.x = (middle - room / self.scale / 2, middle + room / self.scale / 2)
         self.y = y
@@ -41,7 +44,7 @@ class Plane:
 
     def to(self, x: float, y: float) -> tuple[float, float]:
         """Page coordinates of a point."""
-        return _LEFT + (x - self.x[0]) * self.scale, _TOP + (self.y[1] - y) * self.scale
+        return _LEFT + (x - self.x[0]) * self.scale, _TOP + (self.y[1] - y) * self._scale_y
 
     def axes(self, x_label: str, y_label: str, *, mirrored: bool = False) -> None:
         """Grid, numbers and labels; `mirrored`: the horizontal axis counts to the left."""

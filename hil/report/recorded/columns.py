@@ -1,27 +1,30 @@
-"""Messages of one topic as columns for plots, decoded on first access."""
+"""Messages of one topic as columns for plots, read on first access."""
 
 from __future__ import annotations
 
 import dataclasses
 import typing
+from collections import namedtuple
 from collections.abc import Iterator, Sequence
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from hil.contract.codec import CodecError, codec
-from hil.report.recorded.wire import doubles, integers, layouts
+from hil.recording.blocks import gather, readonly
+from hil.report.recorded import wire
 
-_BATCH = 8192  # messages whose bytes are arranged at once
+_SCALARS = {int: wire.NUMBER, bool: wire.NUMBER, float: wire.DOUBLE, str: wire.TEXT, bytes: wire.BYTES}
 
 
 class Messages(Sequence[Any]):
     """Messages as bytes, each decoded when it is asked for."""
 
-    def __init__(self, kind: type, data: bytes | bytearray, offsets: np.ndarray) -> None:
+    def __init__(self, kind: type, data: bytes | bytearray | np.ndarray, offsets: np.ndarray) -> None:
         """Message i of the dataclass `kind` is `data[offsets[i]:offsets[i + 1]]`; `offsets` (n + 1,) int64."""
-        self.kind, self.data, self.offsets = kind, data, offsets
+        self.kind, self.data, self.offsets = kind, readonly(data), offsets
         self._codec = codec(kind)
 
     def __len__(self) -> int:
@@ -31,37 +34,31 @@ class Messages(Sequence[Any]):
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         i = range(len(self))[index]
-        return self._codec.decode(bytes(self.data[self.offsets[i] : self.offsets[i + 1]]))
+        return self._codec.decode(self.data[self.offsets[i] : self.offsets[i + 1]].tobytes())
 
     def __iter__(self) -> Iterator[Any]:
         edges, decode = self.offsets.tolist(), self._codec.decode
-        return (decode(bytes(self.data[a:b])) for a, b in pairwise(edges))
+        return (decode(self.data[a:b].tobytes()) for a, b in pairwise(edges))
 
-    def faults(self) -> dict[int, str]:
-        """index -> why, of the messages that cannot be decoded."""
-        bad: dict[int, str] = {}
-        names = [f.name for f in dataclasses.fields(self.kind)]
-        hints = typing.get_type_hints(self.kind)
-        texts = [number for number, name in enumerate(names, 1) if hints[name] is str]
-        for first in range(0, len(self), _BATCH):
+    def checked(self) -> tuple[Messages, dict[int, str]]:
+        """The messages whose columns can be read, and (index -> why) those that cannot be decoded.
+
+        A message that another protobuf library wrote in another way is written anew.
+        """
+        _, kinds, widths = _layout(self.kind)
+        doubtful = np.flatnonzero(~wire.sound(self.data, self.offsets, kinds, widths))
+        anew, bad = {}, {}
+        for i in doubtful.tolist():
             try:
-                for where, rows, spans in layouts(self.data, self.offsets[first : first + _BATCH + 1]):
-                    kinds = [rows[:, spans[n].start : spans[n].end] for n in texts if n in spans]
-                    joined = [text.tobytes() for text in np.concatenate(kinds, axis=1)] if kinds else [b""] * len(rows)
-                    one_each = {text: i for i, text in enumerate(joined)}  # equal layout and texts: one fault for all
-                    wrong = {text: why for text, i in one_each.items() if (why := self._fault(first + int(where[i])))}
-                    bad.update({first + int(where[i]): wrong[text] for i, text in enumerate(joined) if text in wrong})
-            except ValueError:
-                each = range(first, min(first + _BATCH, len(self)))
-                bad.update({i: why for i in each if (why := self._fault(i))})
-        return bad
-
-    def _fault(self, index: int) -> str:
-        try:
-            self[index]
-        except CodecError as error:
-            return str(error)
-        return ""
+                anew[i] = self._codec.encode(self[i])
+            except CodecError as error:
+                bad[i] = str(error)
+        if not len(doubtful):
+            return self, bad
+        edges = self.offsets.tolist()
+        parts = [anew.get(i, self.data[a:b].tobytes()) for i, (a, b) in enumerate(pairwise(edges)) if i not in bad]
+        offsets = np.cumsum([0, *map(len, parts)], dtype=np.int64)
+        return Messages(self.kind, b"".join(parts), offsets), bad
 
 
 class Columns:
@@ -72,10 +69,10 @@ class Columns:
     """
 
     def __init__(self, log_ns: np.ndarray, messages: Messages, published_ns: np.ndarray | None = None) -> None:
+        """`messages` are those that `Messages.checked` gives."""
         self.log_ns, self.messages = log_ns, messages
         self.published_ns = log_ns if published_ns is None else published_ns
-        hints = typing.get_type_hints(messages.kind)
-        self._fields = {f.name: (i, hints[f.name]) for i, f in enumerate(dataclasses.fields(messages.kind), 1)}
+        self._numbers, self._kinds, self._widths = _layout(messages.kind)
         self._cache: dict[str, np.ndarray] = {}
 
     def __len__(self) -> int:
@@ -83,75 +80,94 @@ class Columns:
 
     def __getitem__(self, field: str) -> np.ndarray:
         if field not in self._cache:
-            array = self._read(field)
-            whole = array is not None and array.dtype == np.int64
-            self._cache[field] = (
-                array.astype(np.float64) if array is not None and whole else self._objects(field, array)
-            )
+            self._cache[field] = self._read(field)
         return self._cache[field]
 
     def nanoseconds(self, field: str = "stamp_ns") -> np.ndarray:
         """A field of times, int64."""
-        array = self._read(field)
-        return np.array([getattr(m, field) for m in self.messages], dtype=np.int64) if array is None else array
+        return wire.integers(self.messages.data, *self._places(field))
 
-    def _texts(self, number: int) -> np.ndarray | None:
-        """A field of texts, (n,) objects."""
-        out = np.full(len(self), "", dtype=object)
-        for first in range(0, len(self), _BATCH):
-            try:
-                groups = layouts(self.messages.data, self.messages.offsets[first : first + _BATCH + 1])
-            except ValueError:
-                return None
-            for where, rows, spans in groups:
-                if number in spans and spans[number].end > spans[number].start:
-                    raw = np.ascontiguousarray(rows[:, spans[number].start : spans[number].end])
-                    kept, of = np.unique(raw.view(f"S{raw.shape[1]}")[:, 0], return_inverse=True)
-                    texts = np.array([text.decode() for text in kept.tolist()], dtype=object)
-                    out[first + where] = texts[of]
+    def lengths(self, field: str) -> np.ndarray:
+        """How many numbers a field of any number of them holds, (n,) int64."""
+        start, end = self._places(field)
+        if self._kinds[self._numbers[field]] == wire.DOUBLES:
+            return (end - start) // 8
+        return wire.counts(self.messages.data, start, end)
+
+    def flat(self, field: str) -> np.ndarray:
+        """The numbers of a field of doubles, of all messages one after the other, float64."""
+        return gather(self.messages.data, *self._places(field)).view("<f8")
+
+    def rows(self, *fields: str, chosen: np.ndarray | None = None) -> list[Any]:
+        """The messages (only `chosen` ones) with only these `fields`, numbers and texts as decoding gives them."""
+        columns = []
+        for name in fields:
+            whole = self._kinds[self._numbers[name]] == wire.NUMBER
+            values = self.nanoseconds(name) if whole else self[name]
+            columns.append((values if chosen is None else values[chosen]).tolist())
+        return list(map(_row(fields), *columns))
+
+    def forget(self) -> None:
+        """Free the columns that were read; they can be read again."""
+        self._cache.clear()
+
+    def _places(self, field: str) -> tuple[np.ndarray, np.ndarray]:
+        return wire.places(self.messages.data, self.messages.offsets, self._numbers[field])
+
+    def _read(self, field: str) -> np.ndarray:
+        number = self._numbers[field]
+        kind, width = self._kinds[number], self._widths[number]
+        if kind == wire.NUMBER:
+            return self.nanoseconds(field).astype(np.float64)
+        if kind == wire.TEXT:
+            return self._texts(field)
+        if kind in (wire.DOUBLE, wire.DOUBLES):
+            lengths = self.lengths(field) if kind == wire.DOUBLES else None
+            if lengths is None or width:
+                return self._doubles(field, max(1, int(width)), flat=lengths is None)
+            if len(lengths) and lengths[0] and (lengths == lengths[0]).all():
+                return self._doubles(field, int(lengths[0]), flat=False)
+        array = np.empty(len(self), dtype=object)
+        array[:] = [getattr(message, field) for message in self.messages]
+        return array
+
+    def _doubles(self, field: str, width: int, *, flat: bool) -> np.ndarray:
+        """A field of `width` numbers, zeros where it is absent: (n, width), `flat` (n,)."""
+        start, end = self._places(field)
+        out = np.zeros((len(start), width))
+        out[end > start] = gather(self.messages.data, start, end).view("<f8").reshape(-1, width)
+        return out[:, 0] if flat else out
+
+    def _texts(self, field: str) -> np.ndarray:
+        """A field of texts, (n,) objects: equal texts are one object."""
+        start, end = self._places(field)
+        out = np.full(len(start), "", dtype=object)
+        lengths = end - start
+        for length in np.unique(lengths[lengths > 0]).tolist():
+            where = np.flatnonzero(lengths == length)
+            raw = gather(self.messages.data, start[where], end[where]).view(f"S{length}")
+            kept, of = np.unique(raw, return_inverse=True)
+            out[where] = np.array([text.decode() for text in kept.tolist()], dtype=object)[of]
         return out
 
-    def _objects(self, field: str, array: np.ndarray | None) -> np.ndarray:
-        return _array([getattr(message, field) for message in self.messages]) if array is None else array
 
-    def _read(self, field: str) -> np.ndarray | None:
-        """`field` without decoding the messages: int64, float64 or objects; None if that is not possible."""
-        number, hint = self._fields[field]
-        if hint is str:
-            return self._texts(number)
-        whole, kinds = hint in (int, bool), typing.get_args(hint)
-        if not whole and hint is not float and (not kinds or kinds[0] is not float):
-            return None
-        width = 1 if whole or hint is float else None if Ellipsis in kinds else len(kinds)
-        out: np.ndarray | None = None
-        offsets, n = self.messages.offsets, len(self)
-        for first in range(0, n, _BATCH):
-            try:
-                groups = layouts(self.messages.data, offsets[first : first + _BATCH + 1])
-            except ValueError:
-                return None
-            for where, rows, spans in groups:
-                span = spans.get(number)
-                found = None if span is None else integers(rows, span)[:, None] if whole else doubles(rows, span)
-                if width is None:  # a tuple of any length: a column only if all are equally long
-                    width = 0 if found is None else found.shape[1]
-                if (0 if found is None else found.shape[1]) not in ((width,) if Ellipsis in kinds else (0, width)):
-                    return None
-                if out is None:
-                    out = np.zeros((n, width), dtype=np.int64 if whole else np.float64)
-                if found is not None:
-                    out[first + where] = found
-        if out is None or width == 0:
-            return None
-        return out if kinds else out[:, 0]
+@cache
+def _row(fields: tuple[str, ...]) -> Any:
+    return namedtuple("Row", fields)
 
 
-def _array(values: list[Any]) -> np.ndarray:
-    first = values[0] if values else 0.0
-    if isinstance(first, bool | int | float):
-        return np.array(values, dtype=np.float64)
-    if isinstance(first, tuple) and first and len({len(value) for value in values}) == 1:
-        return np.array(values, dtype=np.float64)
-    array = np.empty(len(values), dtype=object)
-    array[:] = values
-    return array
+@cache
+def _layout(kind: type) -> tuple[dict[str, int], np.ndarray, np.ndarray]:
+    """field -> its number, and by number how it is written and how many doubles it holds (0: any number)."""
+    hints = typing.get_type_hints(kind)
+    names = [f.name for f in dataclasses.fields(kind)]
+    kinds = np.full(len(names) + 1, wire.OTHER, dtype=np.int64)
+    widths = np.zeros(len(names) + 1, dtype=np.int64)
+    for number, name in enumerate(names, 1):
+        elements = typing.get_args(hints[name])
+        if not elements:
+            kinds[number] = _SCALARS[hints[name]]
+        elif elements[0] in (int, float):
+            kinds[number] = wire.DOUBLES if elements[0] is float else wire.NUMBERS
+            widths[number] = 0 if Ellipsis in elements or elements[0] is int else len(elements)
+    return {name: number for number, name in enumerate(names, 1)}, kinds, widths

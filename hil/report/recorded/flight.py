@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import heapq
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,8 +18,8 @@ from hil.recording.recorder import PICTURES
 from hil.recording.runs import MANIFEST, RunError, open_run
 from hil.report.recorded.columns import Columns
 from hil.report.recorded.geometry import Approach, Motion, approach
-from hil.report.recorded.read import read_columns
-from hil.scoring.score import SCORED, Score, Scorer
+from hil.report.recorded.read import read_columns, scored_messages
+from hil.scoring.score import Score, Scorer
 from scenarios.spec import Scenario, Tolerance
 from vehicle.quadrotor.airframe import load_airframe
 
@@ -86,8 +84,8 @@ class Recorded:
     def attempt_ns(self) -> int | None:
         """When the attempt began, or None if the recording does not get as far."""
         stages = self.topics.get("run/stage")
-        started = [m.attempt_start_ns for m in stages.messages if m.name == "attempt"] if stages else []
-        return started[0] if started else None
+        started = stages.nanoseconds("attempt_start_ns")[stages["name"] == "attempt"] if stages else []
+        return int(started[0]) if len(started) else None
 
     @cached_property
     def decided_ns(self) -> int | None:
@@ -180,25 +178,17 @@ def load(path: Path | str) -> Recorded:
     name = folder.resolve().name if manifest else path.name
     ended = nested(live, "ended")
     aborted = str(ended.get("trouble") or ("interrupted" if ended.get("interrupted") else ""))
-    rescored = _rescored(scenario, int(manifest.get("seed") or 0), topics, aborted) if scenario else None
+    rescored = _rescored(scenario, int(manifest.get("seed") or 0), recording, aborted) if scenario else None
     return Recorded(path, name, recording, manifest, score, scenario, topics, rescored, live, notes)
 
 
-def _rescored(scenario: Scenario, seed: int, topics: dict[str, Columns], aborted: str) -> Score:
+def _rescored(scenario: Scenario, seed: int, recording: Recording, aborted: str) -> Score:
     scorer = Scorer(scenario, seed)
-    lanes = [_lane(topic, topics[topic]) for topic in SCORED if topic in topics]
-    for log_ns, topic, message in heapq.merge(*lanes, key=lambda entry: entry[0]):
+    for log_ns, topic, message in scored_messages(recording):
         scorer(log_ns, topic, message)
     if aborted:
         scorer.abort(aborted)
     return scorer.result()
-
-
-def _lane(topic: str, columns: Columns) -> Iterator[tuple[int, str, Any]]:
-    chosen = np.arange(len(columns))
-    if topic == "referee/contact":  # the scorer waits for the first that decides
-        chosen = np.flatnonzero(columns["outcome"] != "ongoing")[:1]
-    return ((int(columns.log_ns[i]), topic, columns.messages[i]) for i in chosen.tolist())
 
 
 def _because(recording: Recording) -> str:

@@ -81,6 +81,18 @@ def nose_up_deg(orientation: np.ndarray) -> np.ndarray:
     return np.degrees(np.arcsin(np.clip(axes(orientation)[:, 2, 0], -1.0, 1.0)))
 
 
+def roll_deg(orientation: np.ndarray) -> np.ndarray:
+    """Angle (n,) deg about body x after yaw and pitch (Z-Y-X), positive with the right side down."""
+    R = axes(orientation)
+    return np.degrees(np.arctan2(R[:, 2, 1], R[:, 2, 2]))
+
+
+def yaw_deg(orientation: np.ndarray) -> np.ndarray:
+    """Direction (n,) deg of body x over the ground, counter-clockwise from east, without jumps of 360 degrees."""
+    R = axes(orientation)
+    return np.degrees(np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0])))
+
+
 def specific_thrust(motion: Motion, gravity: float = 9.80665, half_window_s: float = 0.012) -> np.ndarray:
     """Acceleration without gravity along body z (n,) m/s^2, from differences of velocity; NaN at ends and gaps."""
     seconds = (motion.t - motion.t[0]) / 1e9

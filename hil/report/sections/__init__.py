@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from hil.report.drawing.section import Section
 from hil.report.recorded.flight import Recorded
 from hil.report.sections import (
@@ -21,20 +23,18 @@ from hil.report.sections import (
     touchdown,
 )
 
+_SECTIONS = (
+    paper_row, touchdown, attempt, pictures, motion, perception, estimate, commands, latency, car, timing, events,
+)  # fmt: skip
 
-def build_all(recorded: Recorded) -> list[Section]:
-    """Every section of one flight; the last but one lists what the others could not draw."""
-    built = [
-        paper_row.build(recorded),
-        touchdown.build(recorded),
-        attempt.build(recorded),
-        pictures.build(recorded),
-        motion.build(recorded),
-        perception.build(recorded),
-        estimate.build(recorded),
-        commands.build(recorded),
-        latency.build(recorded),
-        car.build(recorded),
-        timing.build(recorded),
-    ]
-    return [*built, events.build(recorded), missing.build(recorded, built), provenance.build(recorded)]
+
+def build_all(recorded: Recorded) -> Iterator[Section]:
+    """Every section of one flight, each built when it is asked for; the last but one lists what could not be drawn."""
+    built = []
+    for module in _SECTIONS:
+        built.append(module.build(recorded))
+        for columns in recorded.topics.values():
+            columns.forget()  # a long recording's columns of all sections would not fit
+        yield built[-1]
+    yield missing.build(recorded, built)
+    yield provenance.build(recorded)

@@ -13,7 +13,7 @@ from hil.report.recorded.geometry import Motion, at, axes
 from hil.report.sections.scene import scene
 
 _MARK_NS = 250_000_000
-_MOST_POINTS = 4000
+_MOST_POINTS, _MOST_DOTS, _MOST_MARKS = 4000, 1500, 200
 
 
 def build(recorded: Recorded) -> Section:
@@ -44,18 +44,24 @@ def build(recorded: Recorded) -> Section:
     section.html(
         Markup(
             '<p class="small">First: from above. Second: from the side, looking across the direction of {}° from east. '
-            '<b style="color:{}">vehicle</b> with its camera\'s side as a tick every 250 ms, '
+            '<b style="color:{}">vehicle</b> with its camera\'s side as a tick every {} ms, '
             '<b style="color:{}">board</b> drawn at start and end, '
             '<b style="color:{}">dots</b> where a picture showed the board. Poses: {}.</p>'
         ).format(
             f"{heading:.0f}",
             VEHICLE,
+            _mark_ns(vehicle) // 1_000_000,
             BOARD,
             SEEN,
             ", ".join(filter(None, (recorded.vehicle_source, recorded.board_source))),
         )
     )
     return section
+
+
+def _mark_ns(vehicle: Motion) -> int:
+    """Time between ticks on the path: a quarter of a second, longer in an attempt of minutes."""
+    return _MARK_NS * (1 + int(vehicle.t[-1] - vehicle.t[0]) // _MARK_NS // _MOST_MARKS)
 
 
 def _cut(motion: Motion, start: int, end: int) -> Motion | None:
@@ -79,6 +85,8 @@ def _seen(recorded: Recorded, vehicle: Motion) -> np.ndarray:
     if detections is None:
         return np.empty((0, 3))
     exposed = detections.nanoseconds()[detections["found"] > 0]
+    exposed = exposed[(exposed >= vehicle.t[0]) & (exposed <= vehicle.t[-1])]
+    exposed = exposed[:: 1 + len(exposed) // _MOST_DOTS]
     where = at(vehicle, exposed).position if len(exposed) else np.empty((0, 3))
     return where[np.isfinite(where).all(axis=1)]
 
@@ -108,7 +116,7 @@ def _view(
             _board(plane, recorded.board_size, board, i, right, up, colour)
     plane.path(vehicle.position @ right, vehicle.position @ up, f"stroke:{VEHICLE};stroke-width:2")
     forward = axes(vehicle.orientation)[:, :, 0]
-    for moment in range(int(vehicle.t[0]), int(vehicle.t[-1]), _MARK_NS):
+    for moment in range(int(vehicle.t[0]), int(vehicle.t[-1]), _mark_ns(vehicle)):
         i = int(np.searchsorted(vehicle.t, moment))
         tip = vehicle.position[i] + 18 / plane.scale * forward[i]
         plane.path(

@@ -29,4 +29,13 @@ def build(recorded: Recorded) -> Section:
     if speed.series:
         section.plot(speed)
         section.plot(turn)
+    if recorded.has("car/reference") and recorded.board is not None:
+        reference = recorded.topics["car/reference"]
+        for axis, (name, field) in enumerate((("east", "x"), ("north", "y"))):
+            plot = TimePlot(
+                f"car-{field}", f"Position, {name}: the car's reference and the board's centre", "m", height=110
+            )
+            plot.add("reference", ASKED, reference.nanoseconds(), reference[field], "dash")
+            plot.add("board", BOARD, recorded.board.t, recorded.board.position[:, axis])
+            section.plot(plot)
     return section

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.report.drawing.charts import BAD, BELIEF, BOARD, MUTED, SEEN, VEHICLE, TimePlot
+from hil.report.drawing.charts import BELIEF, BOARD, MUTED, SEEN, VEHICLE, TimePlot
 from hil.report.drawing.section import Section, table
 from hil.report.recorded.columns import Columns
 from hil.report.recorded.flight import Recorded
@@ -141,12 +141,15 @@ def _odometry(section: Section, recorded: Recorded, truth: Motion) -> None:
         section.lost.append(("errors of the odometry", "no usable sample"))
         return
     there = at(truth, odometry.t)
-    plot = TimePlot("odometry", "The vehicle's own estimate: distance from truth", "m, m/s, deg/10", height=120)
-    plot.add("position (m)", VEHICLE, odometry.t, np.linalg.norm(odometry.position - there.position, axis=1))
-    plot.add("velocity (m/s)", BOARD, odometry.t, np.linalg.norm(odometry.velocity - there.velocity, axis=1))
     dot = np.clip(np.abs(np.sum(odometry.orientation * there.orientation, axis=1)), 0.0, 1.0)
-    plot.add("attitude (deg / 10)", BAD, odometry.t, np.degrees(2 * np.arccos(dot)) / 10, "dash")
-    section.plot(plot)
+    for name, unit, values in (
+        ("position", "m", np.linalg.norm(odometry.position - there.position, axis=1)),
+        ("velocity", "m/s", np.linalg.norm(odometry.velocity - there.velocity, axis=1)),
+        ("attitude", "deg", np.degrees(2 * np.arccos(dot))),
+    ):
+        plot = TimePlot(f"odometry-{name}", f"The vehicle's own estimate: error of its {name}", unit, height=90)
+        plot.add("error", VEHICLE, odometry.t, values)
+        section.plot(plot)
 
 
 def _settle(plot: TimePlot, most: float) -> None:

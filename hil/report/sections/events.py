@@ -88,12 +88,12 @@ def _modes(recorded: Recorded) -> list[Mark]:
     """Changes of the state that the autopilot reports."""
     status = recorded.topics.get("vehicle/status")
     found, last = [], None
-    for message in status.messages if status else ():
-        now: tuple[Any, ...] = (message.mode, message.armed, message.failsafe)
+    for m in status.rows("stamp_ns", "mode", "armed", "failsafe") if status else ():
+        now: tuple[Any, ...] = (m.mode, m.armed, m.failsafe)
         if now != last:
-            words = f"{message.mode or 'no mode'}, {'armed' if message.armed else 'disarmed'}"
-            severity = "error" if message.failsafe else "info"
-            found.append(Mark(message.stamp_ns, severity, f"autopilot: {words}{', FAILSAFE' * message.failsafe}"))
+            words = f"{m.mode or 'no mode'}, {'armed' if m.armed else 'disarmed'}"
+            severity = "error" if m.failsafe else "info"
+            found.append(Mark(m.stamp_ns, severity, f"autopilot: {words}{', FAILSAFE' * m.failsafe}"))
             last = now
     return found
 

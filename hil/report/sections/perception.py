@@ -24,10 +24,12 @@ def build(recorded: Recorded) -> Section:
     if section.needs(recorded, "reliability rho", "belief"):
         belief = recorded.topics["belief"]
         t, known = belief.nanoseconds(), belief["valid"] > 0
-        plot = TimePlot("rho", "Reliability rho, and age of the newest accepted picture", "–, s", fixed=(0.0, 1.05))
+        plot = TimePlot("rho", "Reliability rho", "1", height=110, fixed=(0.0, 1.05))
         plot.add("rho", BELIEF, t, np.where(known, belief["rho"], np.nan))
+        section.plot(plot)
+        plot = TimePlot("accepted-age", "Age of the newest picture that the filter accepted", "s", height=110)
         age = (t - belief.nanoseconds("last_exposure_ns")) / 1e9
-        plot.add("age (s)", MUTED, t, np.where(known & (belief["last_exposure_ns"] > 0), age, np.nan), "dash")
+        plot.add("age", MUTED, t, np.where(known & (belief["last_exposure_ns"] > 0), age, np.nan))
         section.plot(plot)
     if recorded.has("board/detection"):
         _reasons(section, recorded, recorded.topics["board/detection"])
@@ -35,7 +37,7 @@ def build(recorded: Recorded) -> Section:
 
 
 def _tags(section: Section, detections: Columns) -> None:
-    counts = np.array([len(ids) for ids in detections["tag_ids"]], dtype=np.float64)
+    counts = detections.lengths("tag_ids").astype(np.float64)
     t, found = detections.nanoseconds(), detections["found"] > 0
     if counts.any():
         plot = TimePlot("tags", "Tags found a picture", "tags", height=110)
@@ -52,14 +54,16 @@ def _tags(section: Section, detections: Columns) -> None:
 
 def _in_picture(section: Section, detections: Columns) -> None:
     """Where in the picture the tags' corners were: leaving it at an edge is how sight is lost."""
-    corners = [np.asarray(c, dtype=np.float64).reshape(-1, 2) for c in detections["corners_px"]]
-    if not any(len(c) for c in corners):
+    lengths = detections.lengths("corners_px")
+    named = lengths > 0
+    if not named.any() or (lengths % 2).any():  # x and y of each
         section.lost.append(("the tags' place in the picture", "the detections name no corners"))
         return
-    t = detections.nanoseconds()
-    low = np.array([c[:, 1].min() if len(c) else np.nan for c in corners])
-    high = np.array([c[:, 1].max() if len(c) else np.nan for c in corners])
-    plot = TimePlot("corners", "Rows of the picture that the tags' corners spanned", "px from the top", height=120)
+    t, rows = detections.nanoseconds(), detections.flat("corners_px")[1::2]
+    first = np.cumsum(lengths[named] // 2) - lengths[named] // 2
+    low, high = np.full(len(t), np.nan), np.full(len(t), np.nan)
+    low[named], high[named] = np.minimum.reduceat(rows, first), np.maximum.reduceat(rows, first)
+    plot = TimePlot("corners", "Rows of the picture that the tags' corners spanned", "px from the top", down=True)
     plot.add("highest corner", SEEN, t, low, "dots")
     plot.add("lowest corner", BELIEF, t, high, "dots")
     section.plot(plot)
@@ -85,8 +89,8 @@ def _reasons(section: Section, recorded: Recorded, detections: Columns) -> None:
     total = int(chosen.sum())
     if total == 0:
         return
-    seen = [m for m, keep in zip(detections.messages, chosen, strict=True) if keep]
-    counts = Counter("board found" if m.found else m.reason or "no reason given" for m in seen)
+    seen = zip((detections["found"][chosen] > 0).tolist(), detections["reason"][chosen].tolist(), strict=True)
+    counts = Counter("board found" if found else reason or "no reason given" for found, reason in seen)
     rows: list[tuple[object, ...]] = [
         (name, count, f"{100 * count / total:.0f} %") for name, count in counts.most_common()
     ]

@@ -21,55 +21,57 @@ from hil.report.recorded.flight import Recorded
 
 _VIEW, _RAW = "/" + PICTURES, PREFIX + PICTURES
 _WIDTH, _QUALITY = 480, 72
-_FULL_WIDTH = 1280  # px, of the pictures that corners are measured in, where only previews are recorded
+_BEFORE_NS, _LATE_NS = 2_000_000_000, 5_000_000_000  # pictures before the attempt; publication after exposure at most
+_FULL_WIDTH = 1280  # px, of the pictures that corners are measured in, where the manifest does not tell
 
 
 @dataclass(frozen=True)
 class _Wanted:
     title: str
     stamp_ns: int
+    log_ns: int
     detection: Detection | None
 
 
 def build(recorded: Recorded) -> Section:
     section = Section("frames", "Key frames")
     topic = next((t for t in (_RAW, _VIEW) if t in recorded.recording.topics), "")
-    stamps = _stamps(recorded, topic) if topic else []
-    if not stamps:
-        source = nested(recorded.manifest, "rig", "camera").get("source")
-        why = "the camera was a model: there were no pictures" if source == "model" else "no pictures were recorded"
-        section.lost.append(("key frames", why))
-        return section
-    wanted = _choose(recorded, [stamp for stamp, _ in stamps])
+    wanted = _choose(recorded, _stamps(recorded, topic)) if topic else []
     if not wanted:
-        section.lost.append(("key frames", "no recorded picture lies in the attempt"))
+        source = nested(recorded.manifest, "rig", "camera").get("source")
+        model, none = "the camera was a model: there were no pictures", "no picture of the attempt was recorded"
+        section.lost.append(("key frames", model if source == "model" else none))
         return section
     figures = []
-    by_stamp = {w.stamp_ns: w for w in wanted}
-    found = {stamp: image for stamp, image in _pictures(recorded, topic, set(by_stamp))}
     for w in wanted:
-        if w.stamp_ns in found:
-            figures.append(_figure(recorded, w, found[w.stamp_ns]))
+        pixels = _picture(recorded, topic, w)
+        if pixels is not None:
+            figures.append(_figure(recorded, w, pixels))
     section.html(Markup('<div class="frames">{}</div>').format(Markup("").join(figures)))
     return section
 
 
-def _choose(recorded: Recorded, stamps: list[int]) -> list[_Wanted]:
-    """The pictures to show: recorded ones, as previews are fewer than exposures."""
-    start, end = recorded.window_ns
-    stamps = [s for s in stamps if start - 2_000_000_000 <= s <= (recorded.decided_ns or end)]
+def _choose(recorded: Recorded, stamps: list[tuple[int, int]]) -> list[_Wanted]:
+    """The pictures to show, of (exposure, publication): recorded ones, as previews are fewer than exposures."""
+    exposed = np.array([stamp for stamp, _ in stamps], dtype=np.int64)
     detections = recorded.topics.get("board/detection")
-    by_stamp = {m.stamp_ns: m for m in detections.messages} if detections else {}
-    seen = [s for s in stamps if s in by_stamp and by_stamp[s].found]
+    looked = detections.nanoseconds() if detections else np.empty(0, dtype=np.int64)
+    found = detections["found"] > 0 if detections else np.empty(0, dtype=bool)
+    seen = np.flatnonzero(np.isin(exposed, looked[found])).tolist()
     names: list[tuple[str, int]] = []
     if seen:
         names += [("first detection", seen[0]), ("last detection", seen[-1])]
     if stamps:
-        names.append(("last picture before contact" if recorded.touched else "last picture", stamps[-1]))
+        names.append(("last picture before contact" if recorded.touched else "last picture", len(stamps) - 1))
     titles: dict[int, list[str]] = {}
-    for name, stamp in names:
-        titles.setdefault(stamp, []).append(name)
-    return [_Wanted(", ".join(titles[s]), s, by_stamp.get(s)) for s in sorted(titles)]
+    for name, index in names:
+        titles.setdefault(index, []).append(name)
+    wanted = []
+    for index in sorted(titles):
+        of = np.flatnonzero(looked == exposed[index]).tolist()
+        detection = detections.messages[of[-1]] if detections and of else None
+        wanted.append(_Wanted(", ".join(titles[index]), *stamps[index], detection))
+    return wanted
 
 
 def _image(data: bytes) -> Image:
@@ -78,13 +80,12 @@ def _image(data: bytes) -> Image:
 
 
 def _stamps(recorded: Recorded, topic: str) -> list[tuple[int, int]]:
-    """(exposure, publication) of every recorded picture, ns."""
-    out = []
-    for raw in recorded.recording.raw([topic]):
-        stamp = _stamp(topic, raw.data)
-        if stamp is not None:
-            out.append((stamp, raw.log_ns))
-    return out
+    """(exposure, publication) of the pictures from two seconds before the attempt to its end, ns."""
+    start, end = recorded.window_ns
+    start, end = start - _BEFORE_NS, recorded.decided_ns or end
+    raws = recorded.recording.raw([topic], start_ns=start, end_ns=end + _LATE_NS)
+    stamps = ((_stamp(topic, raw.data), raw.log_ns) for raw in raws)
+    return [(stamp, log_ns) for stamp, log_ns in stamps if stamp is not None and start <= stamp <= end]
 
 
 def _stamp(topic: str, data: bytes) -> int | None:
@@ -96,15 +97,11 @@ def _stamp(topic: str, data: bytes) -> int | None:
         return None
 
 
-def _pictures(recorded: Recorded, topic: str, stamps: set[int]) -> list[tuple[int, np.ndarray]]:
-    out = []
-    for raw in recorded.recording.raw([topic]):
-        stamp = _stamp(topic, raw.data)
-        if stamp in stamps:
-            pixels = _pixels(topic, raw.data)
-            if pixels is not None:
-                out.append((stamp, pixels))
-    return out
+def _picture(recorded: Recorded, topic: str, wanted: _Wanted) -> np.ndarray | None:
+    for raw in recorded.recording.raw([topic], start_ns=wanted.log_ns, end_ns=wanted.log_ns):
+        if _stamp(topic, raw.data) == wanted.stamp_ns:
+            return _pixels(topic, raw.data)
+    return None
 
 
 def _pixels(topic: str, data: bytes) -> np.ndarray | None:
@@ -117,7 +114,10 @@ def _pixels(topic: str, data: bytes) -> np.ndarray | None:
 
 def _figure(recorded: Recorded, wanted: _Wanted, pixels: np.ndarray) -> Markup:
     height, width = pixels.shape
-    full = max(width, _FULL_WIDTH)  # previews are half size, corners are of the full picture
+    known = nested(recorded.manifest, "rig", "camera", "calibration").get("width")
+    full = (
+        known if isinstance(known, int) and known >= width else max(width, _FULL_WIDTH)
+    )  # corners are of the full picture
     shown = (_WIDTH, round(_WIDTH * height / width))
     ok, jpeg = cv2.imencode(
         ".jpg", cv2.resize(pixels, shown, interpolation=cv2.INTER_AREA), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from markupsafe import Markup
 
@@ -47,10 +49,12 @@ def build(recorded: Recorded) -> Section:
     plot.add("along the board", BOARD, t, np.hypot(seen.closing[near, 0], seen.closing[near, 1]))
     plot.lines.append((recorded.tolerance.tangential_speed, "tangential tolerance"))
     section.plot(plot)
-    plot = TimePlot("normal", "Height over the board, and misalignment with its normal", "m, rad", height=130)
-    plot.add("height of the magnet (m)", VEHICLE, t, seen.magnet[near, 2])
-    plot.add("angle to the normal (rad)", BOARD, t, seen.normal_error[near], "dash")
-    plot.lines.append((recorded.tolerance.angle, "angle tolerance"))
+    plot = TimePlot("over-board", "Height of the magnet over the board", "m", height=110)
+    plot.add("height", VEHICLE, t, seen.magnet[near, 2])
+    section.plot(plot)
+    plot = TimePlot("alignment", "Angle between the vehicle's z axis and the board's normal", "deg", height=110)
+    plot.add("angle", BOARD, t, np.degrees(seen.normal_error[near]))
+    plot.lines.append((math.degrees(recorded.tolerance.angle), "tolerance"))
     section.plot(plot)
     return section
 

@@ -102,7 +102,8 @@ class Dagger:
         rows = self.env.tally.rows
         self.env.tally.__init__()
         success = float((rows[:, result_row.OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan
-        return {"samples": self.samples, "success": success, "loss": loss, "teacher": share, "rate": rate}
+        numbers = {"samples": self.samples, "success": success, "episodes": len(rows)}
+        return {**numbers, "loss": loss, "teacher": share, "rate": rate}
 
     def _collect(self, share: float) -> None:
         env, c = self.env, self.config

@@ -21,7 +21,8 @@ class Learner(Protocol):
     def finished(self) -> bool: ...
 
     def step(self) -> dict[str, float]:
-        """Numbers of the iteration; always `samples` (so far) and `success` (0 to 1, NaN if no episode ended)."""
+        """Numbers of the iteration; always `samples` (so far), `episodes` (that ended) and `success` (their share, 0 to
+        1, NaN if there were none)."""
         ...
 
     def state(self) -> dict:

@@ -111,6 +111,7 @@ class Ppo:
         return {
             "samples": self.samples,
             "success": float(good.mean()) if len(rows) else math.nan,
+            "episodes": len(rows),
             "reward": float(self.rollout.reward.mean()) / c.reward_scale,
             "normal_speed": float(-rows[good, result_row.NORMAL_SPEED].mean()) if good.any() else math.nan,
             "std": float(self.actor.log_std.exp().mean().detach()),

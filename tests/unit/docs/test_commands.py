@@ -37,6 +37,7 @@ OTHER = {
     r"sudo ip link set can0": "needs a CAN interface",
     r"\(umask 077|openssl": "writes a key",
     r"pip install": "its extras are looked up in pyproject.toml",
+    r"python3\.11 -m venv|\. \.venv": "makes and enters an environment",
     r"make ": "its target is looked up in the Makefile",
     r"cp ": "run by the test",
     r"cat > ": "run by the test",

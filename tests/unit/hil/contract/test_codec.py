@@ -1,4 +1,5 @@
 import dataclasses
+import inspect
 import math
 import struct
 import typing
@@ -111,6 +112,22 @@ def test_message_can_be_read_with_its_schema_only():
     )
     read = proto.FromString(encode(detection))
     assert (read.stamp_ns, list(read.tag_ids), list(read.corners_px), read.image_sequence) == (7, [0, 3], [1.5, 2.5], 9)
+
+
+@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
+def test_the_schema_says_unit_and_frame_of_every_field(kind):
+    [file] = descriptor_pb2.FileDescriptorSet.FromString(codec(kind).schema).file
+    said = {tuple(one.path): one for one in file.source_code_info.location}
+    assert said[4, 0].leading_comments.strip() == inspect.cleandoc(kind.__doc__)
+    comments = {f.name: said[4, 0, 2, i].trailing_comments.strip() for i, f in enumerate(file.message_type[0].field)}
+    assert all(comments.values())
+    if "orientation" in comments:
+        assert comments["orientation"].startswith("w, x, y, z; world")
+    if "position" in comments:
+        assert comments["position"].startswith("m, world ENU")
+    floats = [comments[name] for name, hint in typing.get_type_hints(kind).items() if hint in (float, messages.Vec3)]
+    units = {text.split(", ")[0].split("; ")[0] for text in floats}
+    assert units <= {"m", "m/s", "m/s^2", "rad", "rad/s", "V", "1"}
 
 
 @pytest.mark.parametrize(

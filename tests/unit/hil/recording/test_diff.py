@@ -100,6 +100,25 @@ def test_diff_reports_missing_messages_and_topics(make):
     assert texts["/perch/belief"] == "only the second run recorded this topic"
 
 
+def test_a_recording_that_ends_early_or_is_in_other_chunks_is_compared_message_by_message(make):
+    def flushed(path):
+        with Recorder(path) as recorder:
+            for i, entry in enumerate(flight(2.0)):
+                recorder(*entry)
+                if i % 37 == 0:
+                    recorder.flush()
+
+    def whole(path, seconds=2.0):
+        with Recorder(path) as recorder:
+            for entry in flight(seconds):
+                recorder(*entry)
+
+    assert diff_runs(make(whole), make(flushed)).same_messages
+    short = diff_runs(make(flushed), make(lambda path: whole(path, 1.0)))
+    texts = {d.topic: (d.index, d.time_ns, d.text) for d in short.topics}
+    assert texts["/perch/truth/board"] == (100, 1_000_000_000, "the first run has 100 messages more")
+
+
 def test_diff_compares_score_and_manifest(make):
     difference = diff_runs(make(), make(seed=8, score={"attached": True, "metrics": {"x": 0.2}}))
     assert difference.same_messages

@@ -47,6 +47,15 @@ def test_new_run_has_a_manifest(tmp_path):
     assert run.score is None
 
 
+def test_manifest_says_which_wall_time_the_runs_clock_began_at(tmp_path):
+    run = make(tmp_path)
+    run.begin(datetime(2026, 1, 2, 3, 4, 6, 250_000, tzinfo=UTC))
+    run.finish("finished", datetime(2026, 1, 2, 3, 5, tzinfo=UTC), wall_s=1.0)
+    clock = run.manifest["wall_clock"]
+    assert (clock["zero_utc"], clock["wall_s"]) == ("2026-01-02T03:04:06.250+00:00", 1.0)
+    assert clock["started_utc"] == "2026-01-02T03:04:05.000+00:00"
+
+
 def test_runs_started_in_the_same_second_get_different_folders(tmp_path):
     with ThreadPoolExecutor(4) as pool:
         runs = list(pool.map(lambda _: make(tmp_path), range(8)))

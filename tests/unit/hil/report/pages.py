@@ -19,6 +19,7 @@ class _Checker(HTMLParser):
         self.open: list[str] = []
         self.ids: list[str] = []
         self.outside: list[str] = []
+        self.links: list[str] = []
         self.text: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -27,7 +28,9 @@ class _Checker(HTMLParser):
         for name, value in attrs:
             if name == "id" and value:
                 self.ids.append(value)
-            if name in ("src", "href") and value and not value.startswith(("data:", "#")):
+            if name == "href" and tag == "a" and value and not value.startswith("#"):
+                self.links.append(value)
+            elif name in ("src", "href") and value and not value.startswith(("data:", "#")):
                 self.outside.append(value)
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -51,18 +54,19 @@ class Page:
         assert checker.open == []
         assert checker.outside == []
         assert not re.search(r"url\((?!#)|@import", html)
-        self.html, self.ids = html, checker.ids
+        self.html, self.ids, self.links = html, checker.ids, checker.links
         assert len(set(self.ids)) == len(self.ids)
         self.text = " ".join(" ".join(checker.text).split())
         found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)
         self.data: dict[str, Any] = json.loads(found[1]) if found else {}
 
-    def plot(self, key: str, flight: int = 0) -> dict[str, Any]:
-        return next(p for p in self.data["plots"] if p["key"] == key and p["flight"] == flight)
+    def plot(self, key: str) -> dict[str, Any]:
+        return next(p for p in self.data["plots"] if p["key"] == key)
 
     def series(self, key: str, name: str, flight: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """(seconds, values) of a plot's series."""
-        series = next(s for s in self.plot(key, flight)["series"] if s["name"] == name)
+        found = (s for s in self.plot(key)["series"] if (s["name"], s["flight"]) == (name, flight))
+        series = next(found)
         return self._array(series["t"]), self._array(series["y"])
 
     def _array(self, index: int) -> np.ndarray:

@@ -1,6 +1,7 @@
 import json
 import re
 import shutil
+from urllib.parse import unquote
 
 import pytest
 
@@ -75,6 +76,35 @@ def change(run, **tables):
     for name, table in tables.items():
         manifest[name] = {**manifest[name], **table} if isinstance(table, dict) else table
     (run / "manifest.json").write_text(json.dumps(manifest))
+
+
+def test_a_run_that_was_cut_short_and_flown_again_is_no_warning(runs):
+    change(runs[4], seed=2)  # seed 2 has a verdict: this is the run that the resumed campaign repeated
+    found = Page(write_report([runs[0].parent]).read_text())
+    assert "Left out" not in found.text and "1 cut short, and flown again" in found.text
+    change(runs[4], seed=4)
+    assert "Left out" in Page(write_report([runs[0].parent]).read_text()).text
+
+
+def test_names_of_runs_link_to_their_reports(runs, tmp_path):
+    found = Page(write_report([runs[0].parent]).read_text())
+    assert found.links == [] and "runs report FOLDER --each" in found.text
+    page = write_report([runs[0].parent], each=True)
+    found = Page(page.read_text())
+    assert len(found.links) == 5 and all((page.parent / unquote(link)).exists() for link in found.links)
+    page = write_report([runs[0].parent], out=tmp_path / "c.html")
+    assert all((page.parent / unquote(link)).exists() for link in Page(page.read_text()).links)
+
+
+def test_the_page_says_what_failed_and_what_the_dots_mean(runs):
+    score = json.loads((runs[0] / "score.json").read_text())
+    score |= {"within_tolerance": False}
+    score["metrics"] |= {"impact_tangential": 0.9}
+    (runs[0] / "score.json").write_text(json.dumps(score))
+    found = Page(write_report([runs[0].parent]).read_text())
+    assert "speed along the board (m/s)" in found.text and "angle to the normal (deg)" in found.text
+    assert "perched attached, outside tolerance missed" in found.text
+    assert "1 of 4 did not touch the board and have no dot" in found.text
 
 
 def test_policies_are_counted_separately_and_compared_on_common_seeds(runs, tmp_path):

@@ -13,9 +13,11 @@ SECTIONS = [
     "events", "missing", "provenance",
 ]  # fmt: skip
 PLOTS = [
-    "closing", "normal", "speed", "pitch", "height", "velocity-0", "velocity-1", "velocity-2", "tags", "corners",
-    "rate", "rho", "belief-position", "consistency", "detection-error", "belief-angles", "belief-speed", "odometry",
-    "rate-0", "rate-1", "rate-2", "thrust", "age", "detection-latency", "car-speed", "car-turn",
+    "closing", "over-board", "alignment", "roll", "pitch", "yaw", "position-0", "position-1", "position-2", "speed",
+    "velocity-0", "velocity-1", "velocity-2", "tags", "corners", "rate", "rho", "accepted-age", "belief-position",
+    "consistency", "detection-error", "belief-angles", "belief-speed", "odometry-position", "odometry-velocity",
+    "odometry-attitude", "rate-0", "rate-1", "rate-2", "thrust", "age", "detection-latency", "car-speed", "car-turn",
+    "car-x", "car-y",
 ]  # fmt: skip
 
 
@@ -50,7 +52,7 @@ def test_plots_equal_the_recorded_values(full, golden):
     np.testing.assert_allclose(y[chosen], wanted, atol=1e-5)
     t, y = full.series("pitch", "board")
     np.testing.assert_allclose(y, 45.0, atol=0.5)  # the board's set inclination
-    t, y = full.series("normal", "height of the magnet (m)")
+    t, y = full.series("over-board", "height")
     contact = full.data["flights"][0]["decided"]
     assert abs(np.interp(contact, t, y)) < 0.02  # at contact the magnet is on the board
 
@@ -107,7 +109,8 @@ def test_page_of_two_flights_shows_both(golden, copied):
     score["attached"] = False
     (copied / "score.json").write_text(json.dumps(score))
     both = Page(page.render([load(golden), load(copied)]))
-    assert [p["key"] for p in both.data["plots"] if p["flight"] == 1] == PLOTS
+    assert [p["key"] for p in both.data["plots"]] == PLOTS  # each once, with the series of both
+    assert all({s["flight"] for s in p["series"]} == {0, 1} for p in both.data["plots"])
     assert len(both.data["flights"]) == 2
     assert "Perched" in both.text
     assert "Missed: within tolerance, but not attached" in both.text
@@ -121,6 +124,44 @@ def test_report_is_written_to_its_default_path(copied, tmp_path, golden):
     assert write_report([copied / "run.mcap"], out=target) == target
     assert "Perched" in target.read_text()
     assert not list(copied.glob(".*"))
+
+
+def test_every_plot_has_one_unit(full):
+    assert [p["unit"] for p in full.data["plots"] if "," in p["unit"] or "/10" in p["unit"]] == []
+    units = {p["key"]: p["unit"] for p in full.data["plots"]}
+    assert (units["over-board"], units["alignment"], units["accepted-age"]) == ("m", "deg", "s")
+    assert full.plot("corners")["down"] and not full.plot("speed")["down"]  # a picture's first row is its highest
+
+
+def test_the_page_lists_its_sections_and_says_what_detections_were_found_in(full, copied):
+    assert [f'href="#{ident}"' in full.html for ident in SECTIONS] == [True] * len(SECTIONS)
+    assert "detections from drawn pictures" in full.text
+    manifest = json.loads((copied / "manifest.json").read_text())
+    manifest["rig"]["camera"]["source"] = "model"
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    assert "detections from the paper's noise model, no pictures" in Page(page.render([load(copied)])).text
+
+
+def test_wall_time_of_the_attempt_is_shown_of_a_live_run(copied):
+    manifest = json.loads((copied / "manifest.json").read_text())
+    manifest["wall_clock"]["zero_utc"] = "2026-01-02T03:04:05.500+00:00"
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    assert "attempt began" not in Page(page.render([load(copied)])).text  # virtual time
+    (copied / "manifest.json").write_text(json.dumps({**manifest, "host": "live"}))
+    recorded = load(copied)
+    began = 5.5 + recorded.attempt_ns / 1e9
+    text = f"attempt began 03:04:{int(began):02d}.{int(began * 1000) % 1000:03d} UTC"
+    assert text in Page(page.render([recorded])).text
+
+
+def test_roll_and_yaw_agree_with_the_recorded_attitude(full, golden):
+    recorded = load(golden)
+    t, y = full.series("yaw", "board")
+    headings = np.degrees(np.unwrap(recorded.topics["truth/board"]["heading"]))
+    wanted = np.interp(t, recorded.seconds(recorded.topics["truth/board"].nanoseconds()), headings)
+    np.testing.assert_allclose((y - wanted + 180) % 360 - 180, 0.0, atol=0.5)
+    t, y = full.series("roll", "board")
+    np.testing.assert_allclose(y, 0.0, atol=0.5)  # the board's left axis stays level
 
 
 def test_names_of_a_run_are_escaped_in_html(copied):

@@ -25,7 +25,7 @@ def test_equal_arrays_are_packed_once_and_unpack_unchanged(golden):
     plot.add("a", "#000000", t, np.sin(t / 1e9))
     plot.add("b", "#000000", t, np.sin(t / 1e9))
     pack = Pack()
-    pack.add(0, recorded, plot)
+    pack.add([(recorded, plot)])
     table = pack.table()
     assert len(table["arrays"]) == 2
     a, b = table["plots"][0]["series"]
@@ -89,6 +89,6 @@ def test_samples_out_of_order_are_sorted(golden):
     plot = TimePlot("p", "P", "m")
     plot.add("a", "#000000", t, np.arange(len(t)), "dots")
     pack = Pack()
-    pack.add(0, recorded, plot)
+    pack.add([(recorded, plot)])
     back = np.frombuffer(base64.b64decode(pack.table()["arrays"][0]), "<f4")
     assert (np.diff(back) > 0).all()

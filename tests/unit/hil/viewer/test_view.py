@@ -1,7 +1,12 @@
 """The viewer, without a display: what is written, and the error when it cannot be used."""
 
+import os
+import re
 import shutil
+import signal
+import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -13,6 +18,7 @@ from hil.recording.reader import ReadError
 from hil.report.recorded.flight import load
 from hil.viewer import view
 from tests.paths import GOLDEN_RUN as GOLDEN
+from tests.paths import ROOT
 from vehicle.camera.pinhole import Camera
 
 
@@ -98,19 +104,40 @@ def test_missing_folder_of_the_saved_file_is_a_one_line_error(tmp_path, command)
     assert result.exit_code == 3 and "cannot be written" in result.stderr and result.stderr.count("\n") == 1
 
 
-def test_missing_display_is_a_one_line_error(monkeypatch, command):
-    pytest.importorskip("rerun")
+def without_display(monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
     if not sys.platform.startswith("linux"):
         pytest.skip("only Linux can be without a display")
+
+
+def test_without_a_display_a_page_is_served_until_ctrl_c(monkeypatch, tmp_path):
+    pytest.importorskip("rerun")
+    without_display(monkeypatch)
+    environment = {k: v for k, v in os.environ.items() if "DISPLAY" not in k and k != "WAYLAND_SOCKET"}
+    command = [sys.executable, "-c", "from hil.cli.main import main; main()", "runs", "view", str(GOLDEN)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, cwd=ROOT) as process:
+        assert process.stdout is not None
+        page = process.stdout.readline()
+        found = re.search(r"http://127\.0\.0\.1:\d+/\?url=\S+", page)
+        try:
+            assert found, page
+            with urllib.request.urlopen(found[0], timeout=10) as answer:
+                assert answer.status == 200
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+    with pytest.raises(OSError):  # nothing is left behind that serves
+        urllib.request.urlopen(found[0], timeout=2)
+
+
+def test_a_viewer_that_does_not_start_is_a_one_line_error(monkeypatch, command):
+    pytest.importorskip("rerun")
+    without_display(monkeypatch)
+    monkeypatch.setattr(view, "spawn_viewer", lambda *_, **__: subprocess.Popen(["false"], start_new_session=True))
     result = command("view", GOLDEN)
     assert result.exit_code == 3
-    assert "there is no display" in result.stderr and result.stderr.count("\n") == 1
-    monkeypatch.setenv("DISPLAY", ":77")  # none there
-    result = command("view", GOLDEN)
-    assert result.exit_code == 3
-    assert "opened no window" in result.stderr and "Use --save FILE.rrd" in result.stderr
+    assert "Rerun does not start" in result.stderr and "Use --save FILE.rrd" in result.stderr
     assert result.stderr.count("\n") == 1
 
 
