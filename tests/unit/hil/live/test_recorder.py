@@ -110,7 +110,7 @@ class Process:
             return subprocess.Popen(self.command, stdout=log, stderr=log, preexec_fn=self.limit)
 
 
-@pytest.mark.parametrize("room", [60_000, 2**30])
+@pytest.mark.parametrize("room", [120_000, 2**30])
 def test_recorder_on_a_full_disk_states_the_cause_and_exits(tmp_path, room):
     process, health = Process(tmp_path, room), []
     with open_hub(process.endpoint), Bus(process.endpoint, identity="supervisor") as bus:
