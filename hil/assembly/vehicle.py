@@ -9,6 +9,7 @@ from hil.nodes.vehicle import VehicleDevice, VehicleLink
 from hil.nodes.vehicle_firmware import FirmwareVehicle
 from hil.safety.vehicle_gate import VehicleGate
 from hil.wires.signing_key import read_signing_key
+from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import LinkConfig, Signing
 from vehicle.px4.hitl.device import BASE_US, HitlVehicle
@@ -61,15 +62,18 @@ def vehicle_link(parts: Parts) -> VehicleLink:
             component=slot.component,
             clock_drift=slot.clock_drift,
             signing=vehicle_signing(slot.signing_key, parts.unix_ns),
-            arm=slot.simulated,  # else the host permits it, with what the go is bound to, and motion capture must agree
+            arm=False,  # the host permits it, with what the go is bound to, and motion capture must agree
         )
     if slot.kind == "hitl" and parts.stopwatch is None:  # without real time the firmware's clock is the host's
         config = replace(config, fixed_offset_ns=BASE_US * 1000)
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
     reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
+    driver = Px4Link(link, config)
+    if slot.kind == "hitl" and slot.simulated:
+        driver.allow_arming(Arming())  # on no condition; it then tells which firmware it is
     gate = VehicleGate(rig.gate)
-    return VehicleLink(Px4Link(link, config), gate, seen_by_simulation, slot.external_pose, virtual_board, reach)
+    return VehicleLink(driver, gate, seen_by_simulation, slot.external_pose, virtual_board, reach)
 
 
 def _wind(parts: Parts) -> Wind | None:

@@ -86,7 +86,7 @@ class Context:
 
         Raises Unavailable if the autopilot does not tell which one it is.
         """
-        if self.rig.vehicle.kind == "sim":
+        if self.rig.vehicle.simulated:
             return {}
         identity = self.identity()
         bench: Bench = self._kept["bench"]
