@@ -66,6 +66,9 @@ def vehicle_link(parts: Parts) -> VehicleLink:
         )
     if slot.kind == "hitl" and parts.stopwatch is None:  # without real time the firmware's clock is the host's
         config = replace(config, fixed_offset_ns=BASE_US * 1000)
+    if slot.kind == "hitl" and not slot.external_pose:  # on GPS its local frame begins where it boots
+        x, y, _, _ = parts.hover_start
+        config = replace(config, origin=(x, y, 0.0))
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
     reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
