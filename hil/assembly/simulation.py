@@ -20,6 +20,7 @@ from policies.task.interface import FlyingPolicy
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario
 from vehicle.camera.pinhole import Camera
+from vehicle.px4.hitl.device import BASE_US
 
 _MS = 1_000_000
 
@@ -31,7 +32,7 @@ class MemoryWires:
     and each of its steps is waited for, so that its clock is the host's."""
 
     def __init__(self, rig: Rig, clock: Callable[[], int]) -> None:
-        self._slot = rig.vehicle
+        self._slot, self._clock = rig.vehicle, clock
         self._vehicle = memory_pair(clock, round(rig.vehicle.wire_delay_ms * _MS))
         self._car = memory_pair(clock, round(rig.groundcar.wire_delay_ms * _MS))
         self._hitl: HitlWires | None = None
@@ -47,7 +48,8 @@ class MemoryWires:
     def vehicle_link(self) -> object:
         if self._slot.kind != "hitl":
             return self._vehicle[0]
-        self._offboard = BarrierWire(open_url(offboard_url(self._slot, self._instance), self.vehicle_system()))
+        url = offboard_url(self._slot, self._instance)
+        self._offboard = BarrierWire(open_url(url, self.vehicle_system()), lambda: BASE_US + self._clock() // 1000)
         return self._offboard
 
     def vehicle_device(self) -> object:

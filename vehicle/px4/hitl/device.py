@@ -32,6 +32,7 @@ SUBSTEPS = 2
 MAG_TICKS, BARO_TICKS, GPS_TICKS = 5, 5, 25  # 50, 50 and 10 Hz
 _CATCH_UP = 25  # ticks in one step: a firmware that lags behind real time is not chased for longer
 _NO_BATTERY = 65535  # mV: not measured
+_MUTE = 1500  # the same before its first answer, while it starts its modules
 _SILENT = 20  # answers that may stay out one after the other
 
 
@@ -146,8 +147,9 @@ class HitlVehicle:
             if not data:
                 self.unanswered += 1
                 self._silent += 1
-                if self._silent > _SILENT and self.controls.count:
-                    raise FirmwareFault("the firmware answers no more: see its log in the run's folder")
+                if self._silent > (_SILENT if self.controls.count else _MUTE):
+                    word = "answers no more" if self.controls.count else "has joined and never answered"
+                    raise FirmwareFault(f"the firmware {word}: see its log in the run's folder")
                 return
             self._take(data)
         self._silent = 0

@@ -12,6 +12,7 @@ class Other:
 
     def __init__(self):
         self.packer, self.parser, self.waiting, self.got, self.deaf = Packer(1, 1), Parser(), [], [], False
+        self.now_us, self.late = 0, []
 
     def send(self, data):
         for frame in self.parser.feed(data):
@@ -21,8 +22,14 @@ class Other:
                 self.waiting.append(self.packer.send_name("PING", 0, frame.fields.seq, frame.system, frame.component))
 
     def receive(self):
-        items, self.waiting = self.waiting, []
+        items, self.waiting, self.late = self.waiting, self.late, []
         return items
+
+    def odometry(self, time_us):
+        zeros = (0.0,) * 3
+        covariance = (0.0,) * 21
+        rest = (covariance, covariance, 0, 8, 0)
+        return self.packer.send_name("ODOMETRY", time_us, 1, 1, *zeros, (1.0, 0.0, 0.0, 0.0), *zeros, *zeros, *rest)
 
     def close(self):
         self.got.append("closed")
@@ -31,7 +38,7 @@ class Other:
 @pytest.fixture
 def ends():
     other = Other()
-    return BarrierWire(other), other
+    return BarrierWire(other, lambda: other.now_us), other
 
 
 def frame():
@@ -65,3 +72,26 @@ def test_firmware_that_does_not_answer_is_counted(ends, monkeypatch):
     assert wire.missed == 1
     wire.close()
     assert other.got[-1] == "closed"
+
+
+def test_odometry_that_is_due_is_waited_for(ends):
+    wire, other = ends
+    for time_us in (0, 8000, 16000):
+        other.now_us = time_us + 4000
+        other.waiting.append(other.odometry(time_us))
+        assert wire.receive()
+    late = other.odometry(24000)
+    other.now_us, other.late = 34000, [late]
+    assert wire.receive() == [late] and wire.missed == 0
+
+
+def test_odometry_that_has_stopped_is_waited_for_once(ends, monkeypatch):
+    wire, other = ends
+    monkeypatch.setattr(barrier, "_PATIENCE_S", 0.02)
+    for time_us in (0, 8000, 16000):
+        other.now_us = time_us
+        other.waiting.append(other.odometry(time_us))
+        wire.receive()
+    for other.now_us in (40000, 50000, 60000):
+        assert wire.receive() == []
+    assert wire.missed == 1

@@ -166,6 +166,13 @@ def test_firmware_that_has_never_answered_is_given_time():
     assert body.controls.count > 0
 
 
+def test_firmware_that_never_answers_is_a_fault():
+    firmware = Firmware()
+    firmware.mute = True
+    with pytest.raises(FirmwareFault, match="never answered"):
+        fly(vehicle(firmware), 8.0)
+
+
 def test_firmware_that_falls_silent_is_a_fault():
     firmware = Firmware()
     body = vehicle(firmware)
