@@ -14,6 +14,7 @@ from vehicle.px4.sim.state import Flight
 from vehicle.quadrotor.airframe import GRAVITY
 
 CRAWL_HEIGHT = 0.75  # m above ground; below it the descent is limited to MPC_LAND_CRWL (recorded)
+CLIMB_SHARE = 0.6  # of MPC_TKO_SPEED, where the ceiling of recorded take-offs ends
 RAMP_DELAY_NS = 60_000_000  # before the take-off ramp moves (recorded)
 RTL_DESCENT_SHARE = 0.86  # of MPC_LAND_SPEED at which recorded returns descend at their end
 RTL_ANNOUNCE_S = 0.055
@@ -100,8 +101,11 @@ class Navigator:
             if self._takeoff_ns < 0:
                 self._takeoff_ns = flight.now_ns
                 reset_cascade(c, flight.estimate)
-            c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns)
-            c[control.MAX_UP] = self._climb_rate(self._takeoff_ns + RAMP_DELAY_NS)
+            end = CLIMB_SHARE * float(p["MPC_TKO_SPEED"])
+            c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns, end)
+            down = GRAVITY / float(c[control.Z_VEL_P])
+            level_s = float(p["MPC_TKO_RAMP_T"]) * down / (down + end)  # when the ceiling lets it rise
+            c[control.MAX_UP] = self._climb_rate(self._takeoff_ns + RAMP_DELAY_NS + round(level_s * 1e9))
         if flight.took_off and flight.position[2] > self._target[2] - float(p["NAV_MC_ALT_RAD"]):
             self._keep_target = True
             return px4.HOLD
@@ -159,11 +163,11 @@ def spooled_up(flight: Flight) -> bool:
     return flight.now_ns - flight.armed_ns >= flight.parameters["COM_SPOOLUP_TIME"] * 1e9
 
 
-def takeoff_ramp(flight: Flight, started_ns: int) -> float:
-    """Ceiling of the climb rate (m/s): from where its thrust is zero up in MPC_TKO_RAMP_T; inf once it is over."""
+def takeoff_ramp(flight: Flight, started_ns: int, end: float) -> float:
+    """Ceiling of the climb rate (m/s): from where its thrust is zero up to `end` in MPC_TKO_RAMP_T; then inf."""
     p = flight.parameters
     started_ns += RAMP_DELAY_NS
-    start, end = -GRAVITY / float(flight.control[control.Z_VEL_P]), float(p["MPC_Z_VEL_MAX_UP"])
+    start = -GRAVITY / float(flight.control[control.Z_VEL_P])
     share = (flight.now_ns - started_ns) * 1e-9 / max(0.1, float(p["MPC_TKO_RAMP_T"]))
     return math.inf if share >= 1.0 else start + max(0.0, share) * (end - start)
 

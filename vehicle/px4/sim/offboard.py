@@ -150,7 +150,7 @@ class Offboard:
         elif flight.contact:
             c[control.MODE] = control.OFF
         if self._ramp_ns >= 0:
-            c[control.RAMP] = takeoff_ramp(flight, self._ramp_ns)
+            c[control.RAMP] = takeoff_ramp(flight, self._ramp_ns, float(p["MPC_Z_VEL_MAX_UP"]))
             if math.isinf(c[control.RAMP]) and not flight.landed:
                 self._ramp_ns = -1
 

@@ -32,7 +32,7 @@ def test_take_off_to_ten_metres_climbs_at_its_take_off_speed():
     rig.send("PARAM_SET", 1, 1, "MIS_TAKEOFF_ALT", 12.0, 9)
     rig.run(1000)
     rig.ask(22, NAN, 0.0, 0.0, NAN, NAN, NAN, NAN)
-    rig.run(7000)
+    rig.run(8000)
     assert rig.sim.truth().velocity[2] == pytest.approx(1.5, abs=0.15)
     assert rig.sim.truth().position[2] > 5.0
 
