@@ -63,7 +63,7 @@ _ROWS = (
     ),
     NodeRow(
         "vehicle_device", Service("vehicle_device", 1, 0, "control"), vehicle.vehicle_device,
-        simulates="vehicle", present=lambda rig: rig.vehicle.kind == "sim",
+        simulates="vehicle", present=lambda rig: rig.vehicle.ours,
     ),
     NodeRow(
         "mocap", Service("mocap", 3, 1_000_000, "off_path"), sensing.mocap,

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from hil.safety.limits import CarGateLimits, GateLimits
 from hil.wires import WireError
+from hil.wires.simulator import check_simulator
 from hil.wires.url import check_url
 from kernel.toml_errors import ConfigError, load_toml, nearest
 from vehicle.quadrotor.airframe import load_airframe
@@ -21,15 +22,26 @@ class _Section(BaseModel):
 
 
 class VehicleSlot(_Section):
-    """The quadrotor's autopilot. While motion capture or camera are simulated, a real vehicle's own estimate stands for
-    its true pose in what they see."""
+    """The quadrotor's autopilot. Of kind hitl it is a real firmware that flies our simulated vehicle. While motion
+    capture or camera are simulated, the own estimate of a vehicle of kind mavlink stands for its true pose in what they
+    see."""
 
-    kind: Literal["sim", "mavlink"] = "sim"
+    kind: Literal["sim", "mavlink", "hitl"] = "sim"
     url: str = Field(
-        default="", description="of kind mavlink: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0"
+        default="", description="offboard link: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0"
     )
-    system: int = Field(default=1, ge=1, le=255, description="of kind mavlink: MAV_SYS_ID of the autopilot")
-    component: int = Field(default=1, ge=1, le=255, description="of kind mavlink: MAV_COMP_ID of the autopilot")
+    simulator: str = Field(
+        default="", description="of kind hitl: tcp://:4560 (a SITL joins there), serial:///dev/ttyACM0 (a controller)"
+    )
+    px4: str = Field(
+        default="",
+        description="of kind hitl over TCP: build folder of the SITL that a run starts; empty: yours runs",
+    )
+    powered: bool = Field(
+        default=False, description="of kind hitl over a serial port: the motors' battery may be connected"
+    )
+    system: int = Field(default=1, ge=1, le=255, description="MAV_SYS_ID of a real autopilot")
+    component: int = Field(default=1, ge=1, le=255, description="MAV_COMP_ID of a real autopilot")
     airframe: str = "paper_quad"
     clock_drift: float = Field(default=1e-4, gt=0, le=0.1, description="of the autopilot's clock; a SITL needs 0.03")
     signing_key: str = Field(
@@ -43,6 +55,16 @@ class VehicleSlot(_Section):
     hover_speed: float = Field(default=0.08, gt=0, le=2, description="m/s; on GPS alone a vehicle never is as still")
     hover_turning: float = Field(default=0.15, gt=0, le=2, description="rad/s, of the same")
 
+    @field_validator("simulator")
+    @classmethod
+    def _joinable(cls, value: str) -> str:
+        if value:
+            try:
+                check_simulator(value)
+            except WireError as error:
+                raise ValueError(str(error)) from None
+        return value
+
     @field_validator("url")
     @classmethod
     def _readable(cls, value: str) -> str:
@@ -55,9 +77,32 @@ class VehicleSlot(_Section):
 
     @model_validator(mode="after")
     def _reachable(self) -> VehicleSlot:
-        if (self.kind == "mavlink") != bool(self.url):
+        if self.kind != "hitl" and (self.kind == "mavlink") != bool(self.url):
             raise ValueError('kind "mavlink" needs a url, kind "sim" has none')
+        if (self.kind == "hitl") != bool(self.simulator):
+            raise ValueError('kind "hitl" needs a simulator (tcp://:4560 or serial:///dev/ttyACM0), others have none')
+        if self.px4 and (self.kind != "hitl" or self.on_hardware):
+            raise ValueError('px4 is a build folder: only kind "hitl" with a simulator of tcp://:4560 has one')
+        if self.powered and not self.on_hardware:
+            raise ValueError('powered speaks of a flight controller: kind "hitl" with a serial simulator')
+        if self.on_hardware and not self.url:
+            raise ValueError("a flight controller needs a url as well: its offboard link, on another port")
         return self
+
+    @property
+    def on_hardware(self) -> bool:
+        """Whether a flight controller flies our simulated vehicle."""
+        return self.simulator.startswith("serial:")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no real device is behind it: a firmware in lockstep is a process of this machine."""
+        return self.kind == "sim" or (self.kind == "hitl" and not self.on_hardware)
+
+    @property
+    def ours(self) -> bool:
+        """Whether the vehicle's body is our plant, whatever its autopilot is."""
+        return self.kind in ("sim", "hitl")
 
 
 class GroundcarSlot(_Section):
@@ -170,7 +215,7 @@ class Rig(_Section):
 
     @model_validator(mode="after")
     def _measured_from_outside(self) -> Rig:
-        if self.vehicle.external_pose and self.vehicle.kind != "sim" and self.mocap.kind == "sim":
+        if self.vehicle.external_pose and not self.vehicle.ours and self.mocap.kind == "sim":
             raise ValueError(
                 "vehicle.external_pose with a simulated motion capture would feed the autopilot its own estimate: "
                 'use mocap of kind "vrpn", or leave external_pose out'
@@ -181,8 +226,8 @@ class Rig(_Section):
     def simulated(self) -> bool:
         """True if no real device is in it (recorded pictures are none); such runs never share an identity with real
         ones."""
-        others = all(slot.kind == "sim" for slot in (self.vehicle, self.groundcar, self.mocap))
-        return others and self.camera.kind in ("sim", "mcap")
+        others = all(slot.kind == "sim" for slot in (self.groundcar, self.mocap))
+        return others and self.vehicle.simulated and self.camera.kind in ("sim", "mcap")
 
 
 def list_rigs() -> list[str]:

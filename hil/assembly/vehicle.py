@@ -1,4 +1,4 @@
-"""The vehicle's nodes: the driver with its gate, and the software PX4 behind the wire."""
+"""The vehicle's nodes: the driver with its gate, and the simulated vehicle with the software PX4 or a real firmware."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from dataclasses import replace
 
 from hil.assembly.parts import Parts
 from hil.nodes.vehicle import VehicleDevice, VehicleLink
+from hil.nodes.vehicle_firmware import FirmwareVehicle
 from hil.safety.vehicle_gate import VehicleGate
 from hil.wires.signing_key import read_signing_key
+from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import LinkConfig, Signing
+from vehicle.px4.hitl.device import BASE_US, HitlVehicle
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor import airframe_row
 from vehicle.quadrotor.wind import Wind
@@ -21,8 +24,10 @@ EXTERNAL_POSE_PARAMETERS = {
 
 
 def vehicle_device(parts: Parts) -> VehicleDevice:
-    """The simulated vehicle, with the drawn errors of its mass, inertia, drag and thrust."""
-    drawn, frame = parts.drawn, parts.frame
+    """The simulated vehicle, with the drawn errors of its mass, inertia, drag and thrust.
+
+    Raises WireError if the firmware's link cannot be opened."""
+    drawn, frame, slot = parts.drawn, parts.frame, parts.rig.vehicle
     x, y, _, yaw = parts.hover_start
     params = frame.params_row()
     params[airframe_row.MASS] *= drawn.mass_factor
@@ -30,7 +35,12 @@ def vehicle_device(parts: Parts) -> VehicleDevice:
     params[airframe_row.DRAG : airframe_row.DRAG + 3] *= drawn.drag_factor
     params[airframe_row.MOTOR_THRUST] *= drawn.mass_factor * drawn.thrust_to_weight_factor * drawn.thrust_gain
     wire = parts.wires.vehicle_device()
-    parameters = EXTERNAL_POSE_PARAMETERS if parts.rig.vehicle.external_pose else None
+    if slot.kind == "hitl":
+        body = HitlVehicle(
+            wire, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, params, gps=not slot.external_pose, powered=slot.powered
+        )
+        return FirmwareVehicle(body, _wind(parts))
+    parameters = EXTERNAL_POSE_PARAMETERS if slot.external_pose else None
     sim = Px4Sim({"api": wire}, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, parameters=parameters, params_row=params)
     return VehicleDevice(sim, _wind(parts))
 
@@ -38,26 +48,35 @@ def vehicle_device(parts: Parts) -> VehicleDevice:
 def vehicle_link(parts: Parts) -> VehicleLink:
     """The driver of a simulated or real vehicle. Raises ValueError if the signing key cannot be read."""
     rig = parts.rig
-    slot, real = rig.vehicle, rig.vehicle.kind != "sim"
+    slot, real = rig.vehicle, rig.vehicle.kind == "mavlink"
     config = LinkConfig(
         start=parts.hover_start, hover_thrust=parts.frame.hover_thrust, steepest=parts.inclination,
         hover_position=slot.hover_position, hover_speed=slot.hover_speed, hover_turning=slot.hover_turning,
         external_vision=slot.external_pose,
     )  # fmt: skip
-    if real:
+    link = parts.wires.vehicle_link()
+    if slot.kind != "sim":
         config = replace(
             config,
-            system=slot.system,
+            system=parts.wires.vehicle_system(),
             component=slot.component,
             clock_drift=slot.clock_drift,
             signing=vehicle_signing(slot.signing_key, parts.unix_ns),
             arm=False,  # the host permits it, with what the go is bound to, and motion capture must agree
         )
+    if slot.kind == "hitl" and parts.stopwatch is None:  # without real time the firmware's clock is the host's
+        config = replace(config, fixed_offset_ns=BASE_US * 1000)
+    if slot.kind == "hitl" and not slot.external_pose:  # on GPS its local frame begins where it boots
+        x, y, _, _ = parts.hover_start
+        config = replace(config, origin=(x, y, 0.0))
     seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
     reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
-    link = Px4Link(parts.wires.vehicle_link(), config)
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
-    return VehicleLink(link, VehicleGate(rig.gate), seen_by_simulation, slot.external_pose, virtual_board, reach)
+    driver = Px4Link(link, config)
+    if slot.kind == "hitl" and slot.simulated:
+        driver.allow_arming(Arming())  # on no condition; it then tells which firmware it is
+    gate = VehicleGate(rig.gate)
+    return VehicleLink(driver, gate, seen_by_simulation, slot.external_pose, virtual_board, reach)
 
 
 def _wind(parts: Parts) -> Wind | None:

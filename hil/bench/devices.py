@@ -63,8 +63,8 @@ class Context:
 
     def ground(self) -> GroundReport:
         """The autopilot, on the ground and disarmed."""
-        live = self.rig.vehicle.kind == "mavlink"
-        bench: Bench = self._of("vehicle", "bench", self._bench, ("sim", "mavlink"))
+        live = not self.rig.vehicle.simulated
+        bench: Bench = self._of("vehicle", "bench", self._bench, ("sim", "mavlink", "hitl"))
         if live and time.monotonic() - self._reported_s > _STALE_S:  # the report may be old by now
             self._kept.pop("ground", None)
         if "ground" not in self._kept:
@@ -86,7 +86,7 @@ class Context:
 
         Raises Unavailable if the autopilot does not tell which one it is.
         """
-        if self.rig.vehicle.kind == "sim":
+        if self.rig.vehicle.simulated:
             return {}
         identity = self.identity()
         bench: Bench = self._kept["bench"]
@@ -94,13 +94,13 @@ class Context:
         return Arming(identity, {name: value for name, value in held.items() if math.isfinite(value)}).table()
 
     def _bench(self) -> Bench:
-        if self.rig.vehicle.kind == "sim":
+        if self.rig.vehicle.simulated:
             return SimulatedBench(self.airframe, self.rig, self.drawn)
         return live_bench(self.airframe, self.rig)
 
     def trial(self) -> TrialReport:
         """A test flight of the failsafes: simulated vehicles only."""
-        if self.rig.vehicle.kind != "sim":
+        if not self.rig.vehicle.simulated:
             raise Unavailable("a trial flight is for simulated vehicles only: try it by hand, under supervision")
         return self._of("vehicle", "trial", lambda: try_failsafes(self.airframe, self.rig, self.drawn))
 
@@ -118,7 +118,7 @@ class Context:
 
     def _attitude(self) -> Quat | None:
         """Of a real vehicle on its stand, from its autopilot (w, x, y, z); None without one."""
-        if self.rig.vehicle.kind == "sim":
+        if self.rig.vehicle.simulated:
             return None
         return swap_attitude(self.ground().latest("ODOMETRY").q)
 

@@ -26,6 +26,7 @@ from hil.recording.autopilot_parameters import note_parameters
 from hil.recording.provenance import Code, ProvenanceError
 from hil.recording.recorder import RecordingError
 from hil.recording.runs import RunError, list_runs, policy_identity
+from hil.wires import WireError
 from kernel.toml_errors import ConfigError
 from scenarios.draw import MAX_SEED
 
@@ -148,7 +149,7 @@ def _fly(grid: Grid, job: Job, code: Code) -> Result | None:
         if flight.interrupted:
             return None
         note_parameters(flight.run)
-    except (RunError, RecordingError, ProvenanceError) as error:
+    except (RunError, RecordingError, ProvenanceError, WireError) as error:
         return Result(job, failure=str(error))
     except KeyboardInterrupt:
         return None

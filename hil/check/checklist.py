@@ -81,7 +81,10 @@ class Item(_Table):
 
     def applies(self, rig: Rig) -> bool:
         """False if it is for the other kind of rig."""
-        simulated = getattr(rig, self.device).kind == "sim" if self.device else rig.simulated
+        slot = getattr(rig, self.device) if self.device else rig
+        simulated = getattr(slot, "simulated", None)
+        if simulated is None:
+            simulated = slot.kind == "sim"
         return self.when == "any" or simulated is (self.when == "simulated")
 
     @property

@@ -197,7 +197,7 @@ def refusal(
 
 def _bound(rig: Rig) -> bool:
     """Whether a go is for one autopilot."""
-    return rig.vehicle.kind != "sim"
+    return not rig.vehicle.simulated
 
 
 def _names_an_autopilot(record: Record) -> bool:

@@ -111,6 +111,7 @@ def node(
 
     Exit code: 0 the run is over, 2 usage or configuration, 3 no hub, the run's host was lost, or a device is not there.
     """
+    from hil.assembly.rig import load_rig
     from hil.bus.leaf import BusError
     from hil.bus.session import no_shared_memory
     from hil.live.main import serve
@@ -122,9 +123,10 @@ def node(
     from hil.wires import WireError
 
     try:
+        ports = free_ports(load_rig(rig))
         spec = LiveSpec(
             scenario=scenario, rig=rig, policy=policy, camera=camera, seed=seed, endpoint=hub_endpoint(endpoint, keys),
-            ports=free_ports(), pictures="none", folder=receipts, keys=keys,
+            ports=ports, pictures="none", folder=receipts, keys=keys,
         )  # fmt: skip
         plan = spec.plan()
         check_service(plan.rig, service)

@@ -104,6 +104,7 @@ def _fly(request: Request, plan: Plan, seeds: Sequence[int], as_json: bool) -> i
     from hil.recording.recorder import RecordingError
     from hil.recording.runs import RunError
     from hil.viewer.view import ViewerError
+    from hil.wires import WireError
     from kernel.jit import cache_is_cold
 
     notes = Console(stderr=True)
@@ -113,7 +114,7 @@ def _fly(request: Request, plan: Plan, seeds: Sequence[int], as_json: bool) -> i
         flown = _fly_with_progress(request, plan, seeds, as_json, notes)
     except ViewerError as error:
         raise fail(str(error), error.code) from None
-    except (RunError, RecordingError, NotClearedError, SupervisorError, ProvenanceError) as error:
+    except (RunError, RecordingError, NotClearedError, SupervisorError, ProvenanceError, WireError) as error:
         raise fail(str(error), COULD_NOT_RUN) from None
     if len(seeds) > 1 and not as_json:
         screen().print(seeds_table(plan.scenario, [one.flight.score for one in flown]))

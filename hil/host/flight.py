@@ -22,6 +22,7 @@ from hil.recording.receipts import ReceiptBook, Receipted
 from hil.recording.recorder import Recorder, RecordingError
 from hil.recording.runs import SCORE, Run, new_run, policy_identity
 from hil.scoring.score import ABORTED, Score, Scorer
+from hil.wires import WireError
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import draw
 from scenarios.spec import Scenario
@@ -97,7 +98,8 @@ def fly(
 
     `viewer` receives every message too.
 
-    Raises RunError, ProvenanceError or RecordingError if the run cannot be kept: such a run does not take off.
+    Raises RunError, ProvenanceError or RecordingError if the run cannot be kept, WireError if the link to a firmware
+    cannot be opened: such a run does not take off.
     """
     drawn = draw(scenario, seed)
     clock = Clock()
@@ -117,7 +119,7 @@ def fly(
         more={"clearance": dict(clearance or {})},
     )
     scorer, watch = Scorer(scenario, seed), _Watch(progress)
-    state, now_ns, wall = "failed", 0, time.perf_counter()
+    state, lost, now_ns, wall = "failed", "", 0, time.perf_counter()
     try:
         view = FoxgloveView(simulation.camera, pictures, scenario.board.size)
         with (
@@ -136,16 +138,21 @@ def fly(
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
             ended = "finished"
             try:
+                simulation.wires.start(run.path)
                 now_ns = host.run(lambda _: watch.stage == "ended")
                 ended = "failed" if watch.failure else "finished"
             except KeyboardInterrupt:
                 now_ns, ended = clock.now_ns, "interrupted"
                 tap(now_ns, "event", Event(now_ns, "warning", "supervisor", f"{ABORTED}{ended}"))
+            except WireError as error:
+                now_ns, lost, ended = clock.now_ns, str(error), "failed"
+                tap(now_ns, "event", Event(now_ns, "error", "supervisor", f"{ABORTED}{lost}"))
             watch.finish(now_ns)
         state = ended  # not before both files have their ends
     finally:
         for node in simulation.nodes:
             node.close()
+        simulation.wires.close()
         score = scorer.result()
         fault = run.finish(
             state, datetime.now(UTC), {SCORE: score.as_dict()},
@@ -153,5 +160,5 @@ def fly(
         )  # fmt: skip
     if fault:
         raise RecordingError(fault)
-    failure = "" if state == "interrupted" else watch.failure
+    failure = "" if state == "interrupted" else lost or watch.failure
     return Flight(score, run, watch.real_time_factor, failure, counters(simulation.nodes), state == "interrupted")

@@ -59,6 +59,8 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
     )
     presence = Presence(remote=remote)
     nodes = [assembly.node(name) for name in names]
+    if spec.folder is not None:
+        wires.start(spec.folder)
     row = SERVICES[service]
     take_priority(row.priority)  # not earlier: building may take long; before the bus, whose thread inherits it
     with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s, identity=service) as bus:

@@ -40,8 +40,11 @@ def check_service(rig: Rig, service: str) -> None:
         raise ConfigError(
             f"this rig has no service {service!r}{nearest(service, list(known))} It has {', '.join(known)}"
         )
-    for slot, tied in ((rig.vehicle, ("vehicle_link", "vehicle_device")), (rig.groundcar, ("car", "car_device"))):
-        if slot.kind == "sim" and service in tied:
+    for simulated, tied in (
+        (rig.vehicle.simulated, ("vehicle_link", "vehicle_device")),
+        (rig.groundcar.kind == "sim", ("car", "car_device")),
+    ):
+        if simulated and service in tied:
             raise ConfigError(f"{service}: a simulated device and its driver share a wire of one host: not --remote")
 
 

@@ -6,7 +6,8 @@ import time
 from dataclasses import dataclass
 
 from hil.assembly.cameras import open_camera
-from hil.assembly.rig import Rig
+from hil.assembly.hitl import HitlWires, build_folder, free_instance
+from hil.assembly.rig import Rig, VehicleSlot
 from hil.wires import WireError
 from hil.wires.camera import Mode
 from hil.wires.can import open_can
@@ -38,7 +39,11 @@ def _vehicle(rig: Rig, listen_s: float) -> Reached:
     slot = rig.vehicle
     if slot.kind == "sim":
         return Reached("vehicle", "sim", True, "simulated behind its wire")
+    if slot.simulated:
+        return _firmware(slot)
     try:
+        if slot.on_hardware:
+            HitlWires(slot).close()
         wire = open_url(slot.url)
     except WireError as error:
         return Reached("vehicle", slot.kind, False, str(error))
@@ -54,6 +59,16 @@ def _vehicle(rig: Rig, listen_s: float) -> Reached:
     other = parser.garbage_bytes or getattr(wire, "others_dropped", 0)
     rubbish = "; data that are no MAVLink came" if other else ""
     return Reached("vehicle", slot.kind, False, f"no MAVLink on {slot.url} for {listen_s:g} s{rubbish}")
+
+
+def _firmware(slot: VehicleSlot) -> Reached:
+    build = build_folder(slot)
+    try:
+        HitlWires(slot, free_instance(slot)).close()
+    except WireError as error:
+        return Reached("vehicle", slot.kind, False, str(error))
+    text = f"each run starts {build}/bin/px4" if build else f"waits for your PX4 SITL at {slot.simulator}"
+    return Reached("vehicle", slot.kind, True, text)
 
 
 def _car(rig: Rig, listen_s: float) -> Reached:

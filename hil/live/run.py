@@ -88,7 +88,7 @@ def fly_live(
     logs = run.path / "live"
     logs.mkdir()
     spec = LiveSpec(
-        **names, seed=seed, endpoint=endpoint, ports=free_ports(), pictures=pictures,
+        **names, seed=seed, endpoint=endpoint, ports=free_ports(plan.rig), pictures=pictures,
         folder=run.path.resolve(), keys=keys,
     )  # fmt: skip
     spec.write(logs / "spec.json")

@@ -102,7 +102,9 @@ def disagreement(service: str, theirs: Mapping[str, str], ours: Mapping[str, str
 def simulated_twin(rig: Rig) -> Rig:
     """The same rig with every device simulated: warming up must not reach a real device."""
     update = {
-        "vehicle": rig.vehicle.model_copy(update={"kind": "sim", "url": ""}),
+        "vehicle": rig.vehicle.model_copy(
+            update={"kind": "sim", "url": "", "simulator": "", "px4": "", "powered": False}
+        ),
         "groundcar": rig.groundcar.model_copy(update={"kind": "sim"}),
         "camera": rig.camera.model_copy(update={"kind": "sim", "device": ""}),
         "mocap": rig.mocap.model_copy(update={"kind": "sim"}),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import socket
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+from hil.assembly.hitl import HitlWires, free_instance, offboard_url
 from hil.assembly.rig import Rig
 from hil.wires import WireError
 from hil.wires.can import open_can
@@ -29,16 +31,19 @@ class Ports(BaseModel):
     car_link: int
     car_device: int
     host: str = _LOCAL
+    firmware: int = 0  # instance of the firmware that this run starts
 
 
-def free_ports() -> Ports:
-    """Ports that are free now."""
+def free_ports(rig: Rig) -> Ports:
+    """Ports that are free now. Raises WireError if those of a firmware are not."""
+    instance = free_instance(rig.vehicle)
     with socket.socket() as a, socket.socket() as b, socket.socket() as c, socket.socket() as d:
         found: list[int] = []
         for one in (a, b, c, d):
             one.bind((_LOCAL, 0))
             found.append(one.getsockname()[1])
-    return Ports(vehicle_link=found[0], vehicle_device=found[1], car_link=found[2], car_device=found[3])
+    link, device, car_link, car_device = found
+    return Ports(vehicle_link=link, vehicle_device=device, car_link=car_link, car_device=car_device, firmware=instance)
 
 
 class LiveWires:
@@ -48,17 +53,24 @@ class LiveWires:
         self._rig, self._ports = rig, ports
         self._opened: list[Any] = []
         self._connections: list[TcpWire | SerialWire] = []
+        self._hitl: HitlWires | None = None
         self.descriptors: dict[int, str] = {}  # to be waited for -> the driver that reads it; others are looked at
+
+    def vehicle_system(self) -> int:
+        return self._rig.vehicle.system + self._ports.firmware
 
     def vehicle_link(self) -> Any:
         slot, ports = self._rig.vehicle, self._ports
-        if slot.kind == "mavlink":
-            return self._keep(open_url(slot.url, slot.system), "vehicle_link")
+        if slot.kind != "sim":
+            return self._keep(open_url(offboard_url(slot, ports.firmware), self.vehicle_system()), "vehicle_link")
         return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
 
     def vehicle_device(self) -> Any:
-        # as PX4 does: sends first to a default address, keeps its first partner, receives from any sender
         ports = self._ports
+        if self._rig.vehicle.kind == "hitl":
+            self._hitl = self._keep(HitlWires(self._rig.vehicle, ports.firmware))
+            return self._hitl.simulator
+        # as PX4 does: sends first to a default address, keeps its first partner, receives from any sender
         peer = (ports.host, ports.vehicle_link)
         return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", accept_others=True))
 
@@ -85,6 +97,11 @@ class LiveWires:
             self.descriptors[wire.fileno()] = driver
         return wire
 
+    def start(self, folder: Path) -> None:
+        """Start what runs beside this process; what it leaves goes into `folder`. Raises WireError."""
+        if self._hitl is not None:
+            self._hitl.start(folder)
+
     @property
     def remarks(self) -> list[str]:
         """What of the opened wires is slower than it could be."""
@@ -93,7 +110,8 @@ class LiveWires:
     @property
     def trouble(self) -> list[str]:
         """Wires that were lost."""
-        return [wire.lost for wire in self._connections if wire.lost]
+        connections = [*self._connections, *([self._hitl] if self._hitl is not None else [])]
+        return [wire.lost for wire in connections if wire.lost]
 
     def close(self) -> None:
         for wire in self._opened:

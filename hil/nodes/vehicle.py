@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 from hil.contract.messages import (
     Action,
@@ -23,7 +23,7 @@ from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
-from vehicle.px4.sim.autopilot import Px4Sim
+from vehicle.px4.sim.truth import Quat, Truth, Vec3
 from vehicle.quadrotor.wind import Wind
 
 STATUS_PERIOD_NS = 100_000_000
@@ -205,15 +205,27 @@ def _status(now_ns: int, output: LinkOutput) -> VehicleStatus:
     )
 
 
+class Body(Protocol):
+    """A simulated vehicle with its autopilot. `attach`: the magnet holds it to the board of that pose."""
+
+    def step(self, now_ns: int, /) -> None: ...
+
+    def truth(self) -> Truth: ...
+
+    def set_wind(self, velocity: Vec3, /) -> None: ...
+
+    def attach(self, position: Vec3, orientation: Quat, stamp_ns: int, velocity: Vec3, turn_rate: float, /) -> None: ...
+
+
 class VehicleDevice(Node):
-    """The software PX4 with its airframe; when the magnet holds, the vehicle rides on the board."""
+    """A simulated vehicle with its autopilot; when the magnet holds, the vehicle rides on the board."""
 
     name = "vehicle_device"
     inputs = ("referee/contact", "truth/board")
     outputs = ("truth/vehicle",)
     period_ns = 4_000_000
 
-    def __init__(self, sim: Px4Sim, wind: Wind | None = None) -> None:
+    def __init__(self, sim: Body, wind: Wind | None = None) -> None:
         self._sim, self._wind = sim, wind
 
     @property

@@ -93,6 +93,7 @@ class BaseMode(IntEnum):
     AUTO = 4
     GUIDED = 8
     STABILIZE = 16
+    HIL = 32
     MANUAL_INPUT = 64
     ARMED = 128
 
@@ -142,7 +143,7 @@ class PositionMask(IntEnum):
 
 BODY_RATES = AttitudeMask.ATTITUDE  # type_mask of a body rate and thrust set-point
 POSITION_YAW = PositionMask.VELOCITY | PositionMask.ACCELERATION | PositionMask.YAW_RATE  # position and yaw only
-FRAME_LOCAL_NED, FRAME_BODY_FRD, FRAME_LOCAL_FRD = 1, 12, 20
+FRAME_LOCAL_NED, FRAME_BODY_NED, FRAME_BODY_FRD, FRAME_LOCAL_FRD = 1, 8, 12, 20
 ESTIMATOR_VISION, ESTIMATOR_VIO, ESTIMATOR_AUTOPILOT = 2, 3, 8
 SET_MODE_FLAG = BaseMode.CUSTOM  # param1 of DO_SET_MODE; PX4 ignores the other bits
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from kernel.rotations import yaw
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import Frame
 from vehicle.px4.driver.core import BEFORE_FLIGHT, SECOND
@@ -20,8 +21,8 @@ from vehicle.px4.driver.send import ByteWire
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Rates
 
 _KILL_NS = 100_000_000
-_TAKEN_OFF_M = 1.0  # above the ground; OFFBOARD takes over from the take-off here
-_STREAM_FIRST_S = 0.2  # of set-points before OFFBOARD is requested
+_TAKEN_OFF_M = 1.0  # above the ground; from here it flies to the start
+_CLIMB_M = 1.5  # above the ground, of the take-off's set-point
 _IN_FLIGHT = ("takeoff", "goto", "hover", "handed_over", "interrupted", "hold")
 
 
@@ -34,7 +35,8 @@ class Px4Link(GroundPhases):
         self._learned = HoverThrust(config.hover_thrust, config.hover_thrust_tolerance)
         self.hover_thrust = config.hover_thrust  # the normalised thrust that is sent for one g
         self._command_t = self._setpoint_t = 0
-        self._offboard = self._killing = False  # OFFBOARD has run; a kill was requested
+        self._killing = False  # a kill was requested
+        self._climb_from: tuple[float, float, float] | None = None  # x, y (m) and yaw (rad) on the ground
         flight = ("arm", "takeoff", "goto", "hover", "handed_over", "interrupted", "hold", "released", "failed")
         self._steps: dict[str, Callable[[int], None]] = {
             name: getattr(self, f"_step_{name}") for name in (*BEFORE_FLIGHT, *flight)
@@ -93,33 +95,32 @@ class Px4Link(GroundPhases):
     # phases
 
     def _step_takeoff(self, now_ns: int) -> None:
+        """Straight up; PX4 spools the motors up and ramps the climb rate."""
         autopilot = self._autopilot
         if autopilot.odometry is None:
             return
-        height = autopilot.odometry.position[2] - self._ground_z
-        risen = autopilot.in_air and (height > _TAKEN_OFF_M or (autopilot.mode == px4.HOLD and height > 0.5))
-        if risen or self._config.external_vision:  # the latter climbs in OFFBOARD from the ground
+        x, y, z = autopilot.odometry.position
+        height = z - self._ground_z
+        if not autopilot.armed:
+            self._fail("the vehicle disarmed before it took off")
+        elif autopilot.in_air and height > _TAKEN_OFF_M:
             self._approach.begin(autopilot.odometry.position, autopilot.odometry.velocity)
             self._setpoint_t, self._odometry_count = self._t, 0
             self._enter("goto")
-        elif not autopilot.armed:
-            self._fail("the vehicle disarmed before it took off")
         elif self._elapsed(20.0):
             self._fail(f"the vehicle is only {height:.1f} m up, 20 s after arming")
-        elif autopilot.mode != px4.TAKEOFF and height < 0.5 and self._ask("take-off was refused"):
-            self._send.take_off()
+        else:
+            self._climb_from = self._climb_from or (x, y, yaw(autopilot.odometry.orientation))
+            self._stream_climb(now_ns)
+            self._check_control()
 
     def _step_goto(self, now_ns: int) -> None:
         autopilot, config = self._autopilot, self._config
         self._stream_position(now_ns)
-        self._offboard = self._offboard or autopilot.mode == px4.OFFBOARD
         self._check_control()
         if self.phase != "goto":
             return
-        if not self._offboard:
-            if self._elapsed(_STREAM_FIRST_S) and self._ask("OFFBOARD was refused"):
-                self._send.mode(px4.OFFBOARD)
-        elif self._settled() and self._learned.known:
+        if self._settled() and self._learned.known:
             self._arrive()
         elif self._elapsed(config.goto_limit) and autopilot.odometry is not None:
             away = math.dist(autopilot.odometry.position, config.start[:3])
@@ -188,9 +189,9 @@ class Px4Link(GroundPhases):
         """Give control up for good if the vehicle is flown by a failsafe or a pilot, or commands have stopped."""
         autopilot = self._autopilot
         silent = self._t - self._command_t
-        if self._offboard and not autopilot.armed:
+        if not autopilot.armed:
             self._interrupt("the vehicle is disarmed")
-        elif self._offboard and autopilot.mode != px4.OFFBOARD:
+        elif autopilot.mode != px4.OFFBOARD:
             self._interrupt(f"the autopilot is in {px4.mode_name(autopilot.mode)}")
         elif self.phase == "handed_over" and silent > self._config.gap_limit * SECOND:
             self._interrupt(f"no command for {silent / 1e9:.2f} s")
@@ -198,6 +199,13 @@ class Px4Link(GroundPhases):
     def _interrupt(self, why: str) -> None:
         self._enter("interrupted")
         self._note("error", f"control lost: {why}; it is not taken up again")
+
+    def _stream_climb(self, now_ns: int) -> None:
+        assert self._climb_from is not None
+        if now_ns - self._setpoint_ns >= SETPOINT_NS:
+            self._setpoint_ns = now_ns
+            x, y, heading = self._climb_from
+            self._send.position((x, y, self._ground_z + _CLIMB_M), (0.0, 0.0, 0.0), heading)
 
     def _stream_position(self, now_ns: int) -> None:
         if now_ns - self._setpoint_ns < SETPOINT_NS:
@@ -210,7 +218,7 @@ class Px4Link(GroundPhases):
     def _settled(self) -> bool:
         """Judge the hover and learn the hover thrust from it."""
         settled = self._approach.settled(self._t, self._autopilot.odometry)
-        if self._approach.at_rest and self._offboard:
+        if self._approach.at_rest:
             self._learned.add(self._autopilot.thrusts)
         self._autopilot.thrusts.clear()
         return settled

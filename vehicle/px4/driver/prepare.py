@@ -88,11 +88,9 @@ class GroundPhases(LinkCore):
             self._send.interval(*self._streams[0])
 
     def _step_ready(self, now_ns: int) -> None:
-        autopilot, vision = self._autopilot, self._config.external_vision
-        mode = px4.OFFBOARD if vision else px4.HOLD
-        if vision and autopilot.odometry is not None:
-            self._stream_here(now_ns)
-        if autopilot.prearm and autopilot.odometry is not None and autopilot.mode == mode:
+        autopilot = self._autopilot
+        self._stream_here(now_ns)
+        if autopilot.prearm and autopilot.odometry is not None and autopilot.mode == px4.OFFBOARD:
             self._since = self._t  # it is ready; arming may be allowed at any time
             if self._arming is not None:
                 autopilot.identity = None
@@ -101,17 +99,20 @@ class GroundPhases(LinkCore):
             elif self._config.arm:
                 self._enter("arm")
         elif self._elapsed(self._config.prearm_limit):
-            what = "its pre-arm checks did not pass" if not autopilot.prearm else "no usable ODOMETRY came"
+            what = "its pre-arm checks did not pass"
+            if autopilot.odometry is None:
+                what = "no usable ODOMETRY came"
+            elif autopilot.mode != px4.OFFBOARD:
+                what = "OFFBOARD was refused"
             self._fail(f"the autopilot is not ready after {self._config.prearm_limit:g} s: {what}")
-        elif autopilot.mode != mode and self._late():
-            self._asked = self._t  # after a landing PX4 falls back to OFFBOARD, where its checks fail without a stream
-            self._send.mode(mode)
+        elif autopilot.odometry is not None and autopilot.mode != px4.OFFBOARD and self._late():
+            self._asked = self._t
+            self._send.mode(px4.OFFBOARD)
 
     def _step_verify(self, now_ns: int) -> None:
         autopilot, arming = self._autopilot, self._arming or Arming()
         check = autopilot.parameters
-        if self._config.external_vision:
-            self._stream_here(now_ns)
+        self._stream_here(now_ns)
         complete = autopilot.identity is not None and not check.unread
         if complete or (self._tries >= self._config.tries and self._late()):
             identity = autopilot.identity or Identity()
@@ -130,8 +131,7 @@ class GroundPhases(LinkCore):
 
     def _step_arm(self, now_ns: int) -> None:
         autopilot = self._autopilot
-        if self._config.external_vision:
-            self._stream_here(now_ns)
+        self._stream_here(now_ns)
         if self._asked is not None and self._new_ack(ARM) == px4.Result.ACCEPTED:
             autopilot.arming_answered(True, now_ns)
         if autopilot.armed and autopilot.odometry is not None:
@@ -142,7 +142,8 @@ class GroundPhases(LinkCore):
             self._send.arm()
 
     def _stream_here(self, now_ns: int) -> None:
-        """Position set-points at the vehicle's position: PX4 arms on external vision alone only in OFFBOARD."""
+        """Position set-points at the vehicle's position. It arms and climbs in OFFBOARD: PX4 lands it if the set-points
+        stop at any moment from arming on, while a take-off in AUTO would end in a hover without end."""
         odometry = self._autopilot.odometry
         if odometry is not None and now_ns - self._setpoint_ns >= SETPOINT_NS:
             self._setpoint_ns = now_ns

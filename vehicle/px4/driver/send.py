@@ -66,10 +66,6 @@ class Sender:
         """Request disarming; `force` stops the motors also in the air."""
         self.command(px4.Command.COMPONENT_ARM_DISARM, 0.0, float(px4.FORCE_MAGIC) if force else 0.0)
 
-    def take_off(self) -> None:
-        """Request a take-off to PX4's own altitude at the vehicle's position."""
-        self.command(px4.Command.NAV_TAKEOFF, *(_NAN,) * 7)
-
     def mode(self, custom: int) -> None:
         """Request a mode."""
         main, sub = px4.split_custom_mode(custom)

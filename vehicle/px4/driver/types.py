@@ -108,7 +108,7 @@ class LinkConfig:
     tries: int = 8
     external_pose_hz: float = 50.0
     steepest: float = math.radians(70.0)  # rad, attitude at the end of a perch; PX4's failure detector is judged by it
-    external_vision: bool = False  # PX4 flies on external poses alone: arm and climb in OFFBOARD
+    external_vision: bool = False  # PX4 has external poses and nothing else: its parameters are judged for that
     fixed_offset_ns: int | None = None
     clock_drift: float = 1e-4
     signing: Signing | None = None

@@ -10,25 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from kernel.random import stream, uniform
-from kernel.rotations import (
-    conjugate,
-    from_euler,
-    from_rotation_vector,
-    multiply,
-    normalise,
-    rotate,
-    rotate_back,
-    to_rotation_vector,
-)
+from kernel.rotations import from_euler
 from vehicle.px4 import protocol as px4
 from vehicle.px4.sim.cascade import reset_cascade
 from vehicle.px4.sim.commander import PERIOD_NS, Commander
 from vehicle.px4.sim.estimator import Estimator, EstimatorNoise
+from vehicle.px4.sim.grip import Grip
 from vehicle.px4.sim.outbox import Outbox
 from vehicle.px4.sim.params import Parameters, airframe_overrides, apply
 from vehicle.px4.sim.plant import TICK_NS, tick
@@ -37,6 +28,7 @@ from vehicle.px4.sim.receiver import Receiver
 from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Flight
 from vehicle.px4.sim.streams import add_streams
+from vehicle.px4.sim.truth import Quat, Truth, Vec3, truth_of
 from vehicle.px4.sim.view import DRAIN_S, View
 from vehicle.quadrotor import state_row
 from vehicle.quadrotor.airframe import Airframe
@@ -44,21 +36,6 @@ from vehicle.quadrotor.dynamics import vehicle_row
 
 SUBSTEPS = 2
 READY_S = (4.1, 5.1)  # PX4 time at which the pre-arm checks pass (recorded range)
-
-Vec3 = tuple[float, float, float]
-Quat = tuple[float, float, float, float]
-
-
-class Truth(NamedTuple):
-    """Where the vehicle really is: world ENU, body FLU, quaternion world from body."""
-
-    position: Vec3
-    velocity: Vec3
-    orientation: Quat
-    body_rate: Vec3
-    motors: tuple[float, float, float, float]  # thrust over full thrust
-    armed: bool
-    attached: bool
 
 
 class Px4Sim:
@@ -116,8 +93,7 @@ class Px4Sim:
         flight.text, flight.acknowledge = self.outbox.text, self.receiver.acknowledge
         self._boot_ns: int | None = None
         self._commander_ns = 0
-        self._board: tuple[Vec3, Quat, int] | None = None
-        self._grip: tuple[Vec3, Quat] | None = None
+        self._grip = Grip(flight.row, flight.situation)
         self._tick()  # fills the estimate
         reset_cascade(c, flight.estimate)
 
@@ -203,25 +179,7 @@ class Px4Sim:
 
     def truth(self) -> Truth:
         """The vehicle's true state."""
-        values = self.flight.row.tolist()
-
-        def three(at: int) -> Vec3:
-            return values[at], values[at + 1], values[at + 2]
-
-        return Truth(
-            three(state_row.P),
-            three(state_row.V),
-            (values[state_row.Q], values[state_row.Q + 1], values[state_row.Q + 2], values[state_row.Q + 3]),
-            three(state_row.W),
-            (
-                values[state_row.MOTOR],
-                values[state_row.MOTOR + 1],
-                values[state_row.MOTOR + 2],
-                values[state_row.MOTOR + 3],
-            ),
-            self.flight.armed,
-            self._grip is not None,
-        )
+        return truth_of(self.flight.row, self.flight.armed, self._grip.holds)
 
     # -- acts of the world on it -------------------------------------------------------------------------------------
 
@@ -245,42 +203,13 @@ class Px4Sim:
         and turn rate (rad/s, about the vertical) are used at the first call only: later two poses give them. `detach`
         ends it.
         """
-        row, now = self.flight.row, self.flight.now_ns
+        now = self.flight.now_ns
         stamp = now if stamp_ns is None or self._boot_ns is None else stamp_ns - self._boot_ns
-        board = normalise(board_orientation)
-        if self._grip is None:
-            offset = row[state_row.P : state_row.P + 3] - np.array(board_position)
-            turn = multiply(conjugate(board), tuple(row[state_row.Q : state_row.Q + 4].tolist()))
-            self._grip = (rotate_back(board, *offset.tolist()), normalise(turn))
-            self.flight.situation[situation.ATTACHED] = 1.0
-            spin = (0.0, 0.0, board_turn_rate)
-            row[state_row.V : state_row.V + 3] = np.array(board_velocity) + np.cross(spin, offset)
-            row[state_row.W : state_row.W + 3] = rotate_back(tuple(row[state_row.Q : state_row.Q + 4].tolist()), *spin)
-        offset, turn = self._grip
-        row[state_row.P : state_row.P + 3] = np.array(board_position) + rotate(board, *offset)
-        row[state_row.Q : state_row.Q + 4] = normalise(multiply(board, turn))
-        if self._board is not None and stamp > self._board[2]:
-            old_position, old_orientation, then = self._board
-            rate = 1e9 / (stamp - then)
-            spin = to_rotation_vector(multiply(board, conjugate(old_orientation)))
-            spin = tuple(rate * s for s in spin)
-            arm = rotate(board, *offset)
-            velocity = (np.array(board_position) - old_position) * rate + np.cross(spin, arm)
-            row[state_row.V : state_row.V + 3] = velocity
-            row[state_row.W : state_row.W + 3] = rotate_back(tuple(row[state_row.Q : state_row.Q + 4].tolist()), *spin)
-        if self._board is None or stamp > self._board[2]:
-            self._board = (board_position, board, stamp)
-        early = (stamp - now) * 1e-9  # bring the pose back to the time of the last tick
-        row[state_row.P : state_row.P + 3] -= early * row[state_row.V : state_row.V + 3]
-        spin_back = (-early * row[state_row.W : state_row.W + 3]).tolist()
-        row[state_row.Q : state_row.Q + 4] = normalise(
-            multiply(tuple(row[state_row.Q : state_row.Q + 4].tolist()), from_rotation_vector(*spin_back))
-        )
+        self._grip.attach(now, stamp, board_position, board_orientation, board_velocity, board_turn_rate)
 
     def detach(self) -> None:
         """The magnet lets go; the vehicle leaves with the board's velocity."""
-        self._grip = self._board = None
-        self.flight.situation[situation.ATTACHED] = 0.0
+        self._grip.detach()
 
     # -- faults ---------------------------------------------------------------------------------------------------
 

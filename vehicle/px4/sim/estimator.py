@@ -14,8 +14,9 @@ import numpy as np
 
 from kernel.random import normal
 from kernel.rotations import swap_attitude, swap_yaw, wrap_angle, yaw
+from vehicle.px4.place import ORIGIN_ALTITUDE
 from vehicle.px4.sim.rows import estimate_error, estimate_noise
-from vehicle.px4.sim.state import ORIGIN_ALTITUDE, Flight
+from vehicle.px4.sim.state import Flight
 from vehicle.quadrotor import state_row
 
 EV_ALIGN_S = 1.0  # of steady vision before it is fused

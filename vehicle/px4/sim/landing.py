@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from vehicle.px4 import protocol as px4
 from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Flight
 from vehicle.quadrotor import state_row
@@ -53,7 +54,7 @@ class LandDetector:
     def _look_for_landing(self, thrust: float) -> None:
         flight = self._flight
         on_something = flight.situation[situation.RESTING] > 0.0 or flight.situation[situation.ATTACHED] > 0.0
-        low = flight.landing if on_something else False
+        low = on_something and (flight.landing or self._descending())
         if not (self._still() and (low or thrust < TAKEOFF_THRUST)):
             flight.contact_ns, flight.contact = -1, False
             return
@@ -64,6 +65,14 @@ class LandDetector:
         flight.contact = low and since >= 0.35 * trigger
         if since >= STAGES * trigger:
             self._land(announce=True)
+
+    def _descending(self) -> bool:
+        """Whether a velocity set-point asks for a descent faster than what counts as standing."""
+        flight = self._flight
+        if flight.active != px4.OFFBOARD or flight.setpoint.kind != "position":
+            return False
+        down = -float(flight.control[control.VEL_SP + 2])
+        return down >= 1.1 * float(flight.parameters["LNDMC_Z_VEL_MAX"])
 
     def _still(self) -> bool:
         flight = self._flight

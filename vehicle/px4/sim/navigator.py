@@ -14,8 +14,8 @@ from vehicle.px4.sim.state import Flight
 from vehicle.quadrotor.airframe import GRAVITY
 
 CRAWL_HEIGHT = 0.75  # m above ground; below it the descent is limited to MPC_LAND_CRWL (recorded)
+CLIMB_SHARE = 0.6  # of MPC_TKO_SPEED, where the ceiling of recorded take-offs ends
 RAMP_DELAY_NS = 60_000_000  # before the take-off ramp moves (recorded)
-CLIMB_SHARE = 0.6  # of MPC_TKO_SPEED that recorded take-offs reach
 RTL_DESCENT_SHARE = 0.86  # of MPC_LAND_SPEED at which recorded returns descend at their end
 RTL_ANNOUNCE_S = 0.055
 RTL_RETURN_S = 2.4  # of hovering before "land at destination" when home is near (recorded)
@@ -96,15 +96,31 @@ class Navigator:
         flight, c, p = self._flight, self._flight.control, self._flight.parameters
         if flight.took_off and self._takeoff_ns < 0:
             c[control.RAMP] = math.inf  # take-off commanded in the air
+            c[control.MAX_UP] = self._climb_rate(flight.mode_since_ns)
         elif spooled_up(flight):
             if self._takeoff_ns < 0:
                 self._takeoff_ns = flight.now_ns
                 reset_cascade(c, flight.estimate)
-            c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns)
+            end = CLIMB_SHARE * float(p["MPC_TKO_SPEED"])
+            c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns, end)
+            down = GRAVITY / float(c[control.Z_VEL_P])
+            level_s = float(p["MPC_TKO_RAMP_T"]) * down / (down + end)  # when the ceiling lets it rise
+            c[control.MAX_UP] = self._climb_rate(self._takeoff_ns + RAMP_DELAY_NS + round(level_s * 1e9))
         if flight.took_off and flight.position[2] > self._target[2] - float(p["NAV_MC_ALT_RAD"]):
             self._keep_target = True
             return px4.HOLD
         return None
+
+    def _climb_rate(self, since_ns: int) -> float:
+        """Of PX4's trajectory to the take-off altitude (m/s): slow below MPC_LAND_ALT1, braking in time for its end."""
+        flight, p = self._flight, self._flight.parameters
+        left = max(0.0, float(self._target[2]) - flight.position[2])
+        if flight.true_position[2] - float(flight.situation[situation.GROUND]) >= p["MPC_LAND_ALT1"]:
+            return min(float(p["MPC_Z_V_AUTO_UP"]), braking_speed(left, float(p["MPC_ACC_UP_MAX"]), p["MPC_JERK_AUTO"]))
+        most = float(p["MPC_TKO_SPEED"])
+        acceleration = min(float(p["MPC_ACC_UP_MAX"]), most / max(0.1, float(p["MPC_TKO_RAMP_T"])))
+        risen = acceleration * max(0, flight.now_ns - since_ns) * 1e-9
+        return min(most, risen, braking_speed(left, acceleration, p["MPC_JERK_AUTO"]))
 
     def _descend(self, share_of_speed: float = 1.0) -> None:
         flight, c, p = self._flight, self._flight.control, self._flight.parameters
@@ -147,10 +163,17 @@ def spooled_up(flight: Flight) -> bool:
     return flight.now_ns - flight.armed_ns >= flight.parameters["COM_SPOOLUP_TIME"] * 1e9
 
 
-def takeoff_ramp(flight: Flight, started_ns: int) -> float:
-    """Ceiling of the climb rate (m/s): from where its thrust is zero up in MPC_TKO_RAMP_T."""
+def takeoff_ramp(flight: Flight, started_ns: int, end: float) -> float:
+    """Ceiling of the climb rate (m/s): from where its thrust is zero up to `end` in MPC_TKO_RAMP_T; then inf."""
     p = flight.parameters
     started_ns += RAMP_DELAY_NS
-    start, end = -GRAVITY / float(flight.control[control.Z_VEL_P]), CLIMB_SHARE * float(p["MPC_TKO_SPEED"])
+    start = -GRAVITY / float(flight.control[control.Z_VEL_P])
     share = (flight.now_ns - started_ns) * 1e-9 / max(0.1, float(p["MPC_TKO_RAMP_T"]))
-    return start + max(0.0, min(1.0, share)) * (end - start)
+    return math.inf if share >= 1.0 else start + max(0.0, share) * (end - start)
+
+
+def braking_speed(distance: float, acceleration: float, jerk: float) -> float:
+    """The speed (m/s) from which `distance` (m) is enough to come to rest with limited deceleration and jerk, as PX4's
+    smoothing of trajectories computes it."""
+    b = 4.0 * acceleration * acceleration / jerk
+    return 0.5 * (-b + math.sqrt(b * b + 8.0 * acceleration * distance))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from kernel.rotations import normalise, swap_attitude, swap_yaw
+from kernel.rotations import from_euler, normalise, rotate, swap_attitude, swap_body, swap_yaw, yaw
 from vehicle.px4 import protocol as px4
 from vehicle.px4.protocol import AttitudeMask, PositionMask
 from vehicle.px4.sim.cascade import reset_cascade
 from vehicle.px4.sim.navigator import spooled_up, takeoff_ramp
 from vehicle.px4.sim.rows import control
 from vehicle.px4.sim.state import Flight
+
+Vec3 = tuple[float, float, float]
 
 
 class Offboard:
@@ -43,10 +45,25 @@ class Offboard:
             self.rejected += 1
 
     def position_target(self, m: Any) -> None:
-        """SET_POSITION_TARGET_LOCAL_NED, addressed to this autopilot; LOCAL_NED only, ignored fields become NaN."""
+        """SET_POSITION_TARGET_LOCAL_NED, addressed to this autopilot; ignored fields become NaN.
+
+        In the frame BODY_NED PX4 takes velocity and acceleration, each whole or not at all, and turns them by the
+        heading (it turns the acceleration by the whole attitude).
+        """
         mask = m.type_mask
-        if m.coordinate_frame != px4.FRAME_LOCAL_NED or not px4.counts_as_position(mask) or mask & PositionMask.FORCE:
-            self.rejected += 1
+        body = m.coordinate_frame == px4.FRAME_BODY_NED
+        if not body and m.coordinate_frame != px4.FRAME_LOCAL_NED:
+            self._refuse(f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {m.coordinate_frame} unsupported\t")
+            return
+        if body:
+            mask |= PositionMask.POSITION
+            for group in (PositionMask.VELOCITY, PositionMask.ACCELERATION):
+                mask |= group if mask & group else 0
+        if not px4.counts_as_position(mask):
+            self._refuse("SET_POSITION_TARGET_LOCAL_NED invalid\t")
+            return
+        if mask & PositionMask.FORCE and mask & PositionMask.ACCELERATION != PositionMask.ACCELERATION:
+            self._refuse("SET_POSITION_TARGET_LOCAL_NED force not supported\t")
             return
 
         def pick(bits: int, x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -58,6 +75,8 @@ class Offboard:
         east, north, up = pick(PositionMask.POSITION, m.x, m.y, m.z)
         velocity = pick(PositionMask.VELOCITY, m.vx, m.vy, m.vz)
         acceleration = pick(PositionMask.ACCELERATION, m.afx, m.afy, m.afz)
+        if body:
+            velocity, acceleration = self._from_body(m, velocity, acceleration)
         position = (east + ox, north + oy, up + oz)
         heading = math.nan if mask & PositionMask.YAW or not math.isfinite(m.yaw) else swap_yaw(m.yaw)
         rate = math.nan if mask & PositionMask.YAW_RATE else -m.yaw_rate
@@ -65,6 +84,19 @@ class Offboard:
             self.rejected += 1
             return
         self._store("position", (position, velocity, acceleration, heading, rate))
+
+    def _from_body(self, m: Any, velocity: Vec3, acceleration: Vec3) -> tuple[Vec3, Vec3]:
+        """Velocity and acceleration of BODY_NED in the world; what is NaN stays so."""
+        attitude = self._flight.attitude
+        if not math.isnan(velocity[0]):
+            velocity = rotate(from_euler(0.0, 0.0, yaw(attitude)), *swap_body(m.vx, m.vy, m.vz))
+        if not math.isnan(acceleration[0]):
+            acceleration = rotate(attitude, *swap_body(m.afx, m.afy, m.afz))
+        return velocity, acceleration
+
+    def _refuse(self, text: str) -> None:
+        self.rejected += 1
+        self._flight.text(2, text)
 
     def _store(self, kind: str, values: tuple[Any, ...]) -> None:
         flight, setpoint = self._flight, self._flight.setpoint
@@ -110,13 +142,18 @@ class Offboard:
         c[control.MAX_XY], c[control.MAX_TILT] = p["MPC_XY_VEL_MAX"], math.radians(p["MPC_TILTMAX_AIR"])
         c[control.MAX_UP], c[control.MAX_DOWN], c[control.SMOOTH] = p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"], 0.0
         c[control.RAMP], c[control.MODE] = math.inf, control.POSITION
-        if not flight.took_off and self._ramp_ns < 0:
-            if not spooled_up(flight):
+        if flight.landed and self._ramp_ns < 0:
+            if not (spooled_up(flight) and self._wants_up(position[2], velocity[2], acceleration[2])):
                 c[control.MODE] = control.OFF
                 return
             self._ramp_ns = flight.now_ns
+        elif flight.contact:
+            c[control.MODE] = control.OFF
         if self._ramp_ns >= 0:
-            c[control.RAMP] = takeoff_ramp(flight, self._ramp_ns)
-            if flight.now_ns - self._ramp_ns > p["MPC_TKO_RAMP_T"] * 1e9:
-                c[control.RAMP] = math.inf
-                self._ramp_ns = -1 if flight.took_off else self._ramp_ns
+            c[control.RAMP] = takeoff_ramp(flight, self._ramp_ns, float(p["MPC_Z_VEL_MAX_UP"]))
+            if math.isinf(c[control.RAMP]) and not flight.landed:
+                self._ramp_ns = -1
+
+    def _wants_up(self, height: float, climb: float, acceleration: float) -> bool:
+        """Whether a set-point asks for a take-off; NaN where it says nothing."""
+        return height > self._flight.position[2] or climb > 0.0 or acceleration > 0.0

@@ -91,6 +91,43 @@ def _carried(row, dt):
 
 
 @njit
+def body_substep(row, params, u, body, lag, h):
+    """One substep of `h` s of the body under motor commands `u` (4-tuple, 0..1): in the air, held or on the ground.
+
+    `lag` comes from `motor_lag` for the same airframe and `h`. Returns whether it rests on the ground.
+    """
+    s, p = column(row), column(params)
+    if body[situation.ATTACHED] > 0.0:
+        px, py, pz = row[state_row.P], row[state_row.P + 1], row[state_row.P + 2]
+        q0, q1, q2, q3 = quaternion_at(row, state_row.Q)
+        vx, vy, vz = row[state_row.V], row[state_row.V + 1], row[state_row.V + 2]
+        wx, wy, wz = row[state_row.W], row[state_row.W + 1], row[state_row.W + 2]
+        vehicle_step(s, 0, u, p, lag, h)  # advances the motors only
+        row[state_row.P], row[state_row.P + 1], row[state_row.P + 2] = px, py, pz
+        row[state_row.Q], row[state_row.Q + 1], row[state_row.Q + 2], row[state_row.Q + 3] = q0, q1, q2, q3
+        row[state_row.V], row[state_row.V + 1], row[state_row.V + 2] = vx, vy, vz
+        row[state_row.W], row[state_row.W + 1], row[state_row.W + 2] = wx, wy, wz
+        _carried(row, h)
+        return False
+    vehicle_step(s, 0, u, p, lag, h)
+    resting = row[state_row.P + 2] <= body[situation.GROUND] and row[state_row.V + 2] <= 0.0
+    if resting:
+        _stand_on_ground(row, body[situation.GROUND])
+    return resting
+
+
+@njit
+def weakened(u, body):
+    """Motor commands `u` (4-tuple) with what is left of each motor."""
+    return (
+        u[0] * body[situation.HEALTH],
+        u[1] * body[situation.HEALTH + 1],
+        u[2] * body[situation.HEALTH + 2],
+        u[3] * body[situation.HEALTH + 3],
+    )
+
+
+@njit
 def tick(row, params, c, est, error, noise, stream, body, dt, substeps):
     """Advance everything by `dt` s: vehicle row, control row, estimate row; see the index tables above."""
     estimate_step(row, est, error, noise, stream, dt)
@@ -109,58 +146,23 @@ def tick(row, params, c, est, error, noise, stream, body, dt, substeps):
     for _ in range(substeps):
         u = (0.0, 0.0, 0.0, 0.0)
         if armed:
-            u0, u1, u2, u3 = rate_step(s, 0, setpoint, c[control.OUT_THRUST], p, k, h)
-            u = (
-                u0 * body[situation.HEALTH],
-                u1 * body[situation.HEALTH + 1],
-                u2 * body[situation.HEALTH + 2],
-                u3 * body[situation.HEALTH + 3],
-            )
-        if body[situation.ATTACHED] > 0.0:
-            px, py, pz, q0, q1, q2, q3 = (
-                row[state_row.P],
-                row[state_row.P + 1],
-                row[state_row.P + 2],
-                row[state_row.Q],
-                row[state_row.Q + 1],
-                row[state_row.Q + 2],
-                row[state_row.Q + 3],
-            )
-            vx, vy, vz, wx, wy, wz = (
-                row[state_row.V],
-                row[state_row.V + 1],
-                row[state_row.V + 2],
-                row[state_row.W],
-                row[state_row.W + 1],
-                row[state_row.W + 2],
-            )
-            vehicle_step(s, 0, u, p, lag, h)  # advances the motors only
-            (
-                row[state_row.P],
-                row[state_row.P + 1],
-                row[state_row.P + 2],
-                row[state_row.Q],
-                row[state_row.Q + 1],
-                row[state_row.Q + 2],
-                row[state_row.Q + 3],
-            ) = px, py, pz, q0, q1, q2, q3
-            (
-                row[state_row.V],
-                row[state_row.V + 1],
-                row[state_row.V + 2],
-                row[state_row.W],
-                row[state_row.W + 1],
-                row[state_row.W + 2],
-            ) = vx, vy, vz, wx, wy, wz
-            _carried(row, h)
-        else:
-            vehicle_step(s, 0, u, p, lag, h)
-            resting = row[state_row.P + 2] <= body[situation.GROUND] and row[state_row.V + 2] <= 0.0
-            if resting:
-                _stand_on_ground(row, body[situation.GROUND])
+            u = weakened(rate_step(s, 0, setpoint, c[control.OUT_THRUST], p, k, h), body)
+        resting = body_substep(row, params, u, body, lag, h)
         if c[control.LANDED] > 0.0:
             for axis in range(3):
                 row[state_row.INTEGRAL + axis] = 0.0
+    body[situation.RESTING] = 1.0 if resting else 0.0
+
+
+@njit
+def body_tick(row, params, motors, body, dt, substeps):
+    """Advance the body alone by `dt` s under motor commands held constant (`motors` (4,), 0..1)."""
+    h = dt / substeps
+    lag = motor_lag(params, h)
+    u = weakened((motors[0], motors[1], motors[2], motors[3]), body)
+    resting = False
+    for _ in range(substeps):
+        resting = body_substep(row, params, u, body, lag, h)
     body[situation.RESTING] = 1.0 if resting else 0.0
 
 

@@ -18,6 +18,8 @@ from vehicle.px4.protocol import PX4_COMPONENT, PX4_SYSTEM
 PARAMS_PER_TICK = 4  # 888 in 0.89 s (a real PX4 took 0.83 s)
 _PARAM = struct.Struct("<4sHH16sB")
 FASTEST_NS = 4_484_000  # PX4's 250 Hz loop gives 223 Hz at most
+FASTEST_IMU_NS = 8_064_000  # and HIGHRES_IMU 124 Hz
+_HIGHRES_IMU = 105
 
 
 class Wire(Protocol):
@@ -31,10 +33,11 @@ class Wire(Protocol):
 class Stream:
     """A periodic message of one port."""
 
-    __slots__ = ("build", "default_ns", "due_ns", "id", "interval_ns")
+    __slots__ = ("build", "default_ns", "due_ns", "fastest_ns", "id", "interval_ns")
 
     def __init__(self, id: int, interval_ns: int, first_ns: int, build: Callable[[Any, Any], None]) -> None:
         self.id, self.build = id, build
+        self.fastest_ns = FASTEST_IMU_NS if id == _HIGHRES_IMU else FASTEST_NS
         self.default_ns = self.interval_ns = interval_ns  # 0: not sent
         self.due_ns = first_ns
 
@@ -45,7 +48,7 @@ class Stream:
         elif interval_us == 0:
             self.interval_ns = self.default_ns
         else:
-            self.interval_ns = max(FASTEST_NS, int(interval_us * 1000))
+            self.interval_ns = max(self.fastest_ns, int(interval_us * 1000))
         self.due_ns = max(now_ns, min(self.due_ns, now_ns + self.interval_ns))
 
 

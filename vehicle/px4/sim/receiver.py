@@ -19,7 +19,8 @@ from vehicle.px4.sim.state import Command
 from vehicle.px4.sim.view import View
 
 CAPABILITIES, FLIGHT_VERSION, UID = 59647, 17891583, 5283920058631409231
-CUSTOM_VERSION = bytes.fromhex("d6f12ad1c4f70000")
+GIT_HASH = bytes.fromhex("d6f12ad1c4f70000")  # of the release
+CUSTOM_VERSION = bytes(3) + GIT_HASH[4::-1]  # its first 5 bytes, the least one first, after a vendor version of 0.0.0
 TIMESYNC_GARBAGE = (32, 137)  # PX4 leaves the targets of its answers uninitialised
 _HANDLED_HERE = (
     Cmd.SET_MESSAGE_INTERVAL,
@@ -167,7 +168,7 @@ class Receiver:
             version = (CAPABILITIES, FLIGHT_VERSION, FLIGHT_VERSION, 0, 0)
             port.send(M["AUTOPILOT_VERSION"], *version, CUSTOM_VERSION, CUSTOM_VERSION, (0,) * 8, 0, 0, UID, (0,) * 18)
         elif id == 300:
-            port.send(M["PROTOCOL_VERSION"], 200, 100, 203, CUSTOM_VERSION, (0,) * 8)
+            port.send(M["PROTOCOL_VERSION"], 200, 100, 203, GIT_HASH, (0,) * 8)
         elif id == 397:
             port.send_name("COMPONENT_METADATA", self._view.ms, 0, "mftp://etc/extras/component_general.json.xz")
         elif id == 435:

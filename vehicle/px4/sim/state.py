@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vehicle.px4 import protocol as px4
+from vehicle.px4.place import ORIGIN_ALTITUDE, geodetic
 from vehicle.px4.sim.params import Parameters
 from vehicle.px4.sim.rows import control, estimate, situation
 from vehicle.quadrotor import state_row
-
-EARTH_RADIUS = 6371000.0  # m, as PX4's local projection uses
-ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_ALTITUDE = 47.397742225, 8.545594135, 489.4  # SIH_LOC_*
 
 
 class Command(NamedTuple):
@@ -114,7 +111,4 @@ class Flight:
 
     def geodetic(self, x: float, y: float) -> tuple[int, int]:
         """Latitude and longitude in 1e-7 deg of a world position."""
-        latitude = ORIGIN_LATITUDE + math.degrees((y - self.origin[1]) / EARTH_RADIUS)
-        scale = EARTH_RADIUS * math.cos(math.radians(ORIGIN_LATITUDE))
-        longitude = ORIGIN_LONGITUDE + math.degrees((x - self.origin[0]) / scale)
-        return round(latitude * 1e7), round(longitude * 1e7)
+        return geodetic(x - self.origin[0], y - self.origin[1])

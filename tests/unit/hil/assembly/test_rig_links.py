@@ -25,10 +25,10 @@ from vehicle.px4.codec import Packer
 from vehicle.quadrotor.airframe import load_airframe
 
 
-@pytest.mark.parametrize("name", ["sim", "px4-sitl", "bench", "field"])
+@pytest.mark.parametrize("name", ["sim", "px4-sitl", "px4-firmware", "bench", "field"])
 def test_shipped_rigs_can_be_read_and_warmed_up(name):
     rig = load_rig(name)
-    assert rig.simulated == (name == "sim")
+    assert rig.simulated == (name in ("sim", "px4-firmware"))
     assert simulated_twin(rig).simulated
     assert name in list_rigs()
 
@@ -39,6 +39,15 @@ def test_shipped_rigs_can_be_read_and_warmed_up(name):
         ('[vehicle]\nkind = "mavlink"', "needs a url"),
         ('[vehicle]\nkind = "mavlink"\nurl = "14540"', "udp://:14540"),
         ('[vehicle]\nurl = "udp://:14540"', 'kind "sim" has none'),
+        ('[vehicle]\nkind = "hitl"', "needs a simulator"),
+        ('[vehicle]\nsimulator = "tcp://:4560"', "others have none"),
+        ('[vehicle]\nkind = "hitl"\nsimulator = "udp://:4560"', "no address of a simulator link"),
+        ('[vehicle]\nkind = "hitl"\nsimulator = "serial:///dev/ttyACM0"', "needs a url as well"),
+        (
+            '[vehicle]\nkind = "hitl"\nsimulator = "serial:///dev/ttyACM0"\nurl = "udp://:14540"\npx4 = "build"',
+            "px4 is a build folder",
+        ),
+        ('[vehicle]\nkind = "hitl"\nsimulator = "tcp://:4560"\npowered = true', "flight controller"),
         ('[camera]\nkind = "v4l2"', "needs a device"),
         ('[camera]\nkind = "v4l2"\ndevice = "/dev/video0"\nsource = "model"', "simulated"),
         ('[groundcar]\nkind = "can"\ninterface = "pcan"', "socketcan"),
@@ -68,6 +77,7 @@ def test_incomplete_rig_raises_when_read(tmp_path, text, expected):
 def test_a_real_device_has_no_simulated_process():
     assert "vehicle_device" in service_nodes(load_rig("sim"))
     assert "vehicle_device" not in service_nodes(load_rig("px4-sitl"))
+    assert "vehicle_device" in service_nodes(load_rig("bench")), "its body is ours, its autopilot is not"
     assert "car_device" not in service_nodes(load_rig("field"))
 
 
@@ -78,8 +88,9 @@ def found(rig, listen_s=0.1):
 def test_missing_devices_are_named_for_each_slot(tmp_path):
     there = found(load_rig("bench"))
     assert "/dev/ttyACM0" in there["vehicle"].text
+    there = found(rig(camera={"kind": "v4l2", "device": "/dev/video0"}))
     assert "/dev/video0" in there["camera"].text
-    assert [slot.slot for slot in there.values() if slot.ok] == ["groundcar", "mocap"]
+    assert [slot.slot for slot in there.values() if slot.ok] == ["vehicle", "groundcar", "mocap"]
     assert all(slot.ok for slot in reach(load_rig("sim"), listen_s=0.1))
 
 

@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from hil.assembly.rig import load_rig
 from hil.bus.leaf import CONTROL, HEALTH, Bus, open_hub
 from hil.bus.mailbox import Delivery
 from hil.contract import messages as m
@@ -96,7 +97,7 @@ class Process:
         self.endpoint = free_endpoint()
         spec = LiveSpec(
             scenario="simple-i", rig="sim", policy=None, camera="model", seed=0, endpoint=self.endpoint,
-            ports=free_ports(), pictures="none", folder=folder,
+            ports=free_ports(load_rig("sim")), pictures="none", folder=folder,
         )  # fmt: skip
         spec.write(folder / "live" / "spec.json")
         self.command = [sys.executable, "-m", "hil.live.main", str(folder / "live" / "spec.json"), "recorder"]

@@ -31,24 +31,21 @@ def test_first_ack_of_a_mode_change_does_not_set_the_mode():
         return items
 
     bench.tap.receive = watch
-    bench.to("goto")
-    seen.clear()
-    bench.to("failed")
+    bench.to("failed", 80.0)
     verdicts = [ack.result for ack in seen if ack.command == px4.Command.DO_SET_MODE]
     assert verdicts[:2] == [px4.Result.ACCEPTED, px4.Result.TEMPORARILY_REJECTED]
-    (text,) = bench.reported("OFFBOARD was refused after 8 tries")
+    (text,) = bench.reported("OFFBOARD was refused")
     assert "Switching to Offboard is currently not available" in text
-    assert not bench.sent
-    assert bench.run(20.0, hover, until=lambda: not bench.sim.flight.armed), "it is landed again"
+    assert not bench.sim.flight.armed and not bench.sent
 
 
-def test_a_px4_left_in_offboard_is_brought_to_hold_before_arming():
+def test_a_px4_left_in_offboard_is_armed_with_set_points():
     """After a landing PX4 falls back to OFFBOARD, where it refuses to arm without a stream."""
-    bench = Bench().to("ready")
+    bench = Bench().to("parameters")
     bench.theirs.peer.send(Packer(245, 190).send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     bench.to("hover")
     modes = [text for text in bench.texts if text.startswith("mode ")]
-    assert modes[:4] == ["mode AUTO.LOITER", "mode OFFBOARD", "mode AUTO.LOITER", "mode AUTO.TAKEOFF"]
+    assert modes == ["mode AUTO.LOITER", "mode OFFBOARD"]
     assert not bench.reported("denied")
 
 

@@ -105,7 +105,7 @@ def test_already_armed_vehicle_gets_no_commands():
     assert bench.reported("already armed")
     bench.run(5.0)
     assert bench.asked == {"HEARTBEAT", "TIMESYNC"}, "not even a landing is asked for"
-    assert bench.sim.flight.active != px4.LAND
+    assert bench.sim.flight.failsafe, "PX4 lands by itself, as the set-points have stopped"
 
 
 def test_vehicle_with_another_hover_thrust_than_its_file_is_landed():
@@ -301,3 +301,30 @@ def test_invalid_odometry_is_counted(x, attitude, ahead_us):
     assert len(bench.odometry) - samples <= 1
     bench.run(0.1)
     assert len(bench.odometry) - samples >= 9
+
+
+# the driver dies
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.05, 0.3, 0.9, 1.2, 2.0, 3.0, 4.0, 6.0, 9.0])
+def test_a_driver_that_dies_after_arming_leaves_a_vehicle_that_lands_and_disarms(after_s):
+    """`kill -9` at any moment from arming on: the autopilot's own failsafe lands it, nothing else has to act."""
+    bench = Bench().to("takeoff")
+    bench.run(after_s)
+    bench.step = lambda command=None: None
+    assert bench.run(40.0, until=lambda: not bench.sim.flight.armed), bench.sim.truth()
+    assert bench.sim.truth().position[2] == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_take_off_in_auto_would_end_in_a_hover_without_end():
+    """As a real PX4 does: no set-points are missed there, so that no failsafe acts."""
+    bench = Bench(arm=False).to("ready")
+    bench.run(6.0)
+    bench.step = lambda command=None: None
+    for number, *params in ((176, 1.0, 4.0, 3.0), (400, 1.0), (22, *(NAN,) * 7)):
+        values = (*params, *(0.0,) * (7 - len(params)))
+        bench.theirs.peer.send(client().send_name("COMMAND_LONG", 1, 1, number, 0, *values))
+        bench.run(0.1)
+    bench.run(60.0)
+    assert bench.sim.flight.armed and bench.sim.flight.active == px4.HOLD
+    assert bench.sim.truth().position[2] == pytest.approx(2.5, abs=0.5)

@@ -1,0 +1,89 @@
+"""The wires of a vehicle of kind hitl: the simulator link and, where it is started here, the firmware itself."""
+
+from __future__ import annotations
+
+import os
+import socket
+from contextlib import suppress
+from pathlib import Path
+
+from hil.assembly.rig import VehicleSlot
+from hil.wires import WireError
+from hil.wires.firmware import Firmware
+from hil.wires.simulator import PORT, SimulatorPort, SimulatorServer, check_simulator
+from vehicle.px4.hitl.parameters import firmware_parameters
+from vehicle.quadrotor.airframe import load_airframe
+
+BUILD = "PERCH_HIL_PX4"
+"""Environment variable: PX4's build folder where the rig names none."""
+OFFBOARD_PORT = 14540
+_LARGEST = 9  # PX4 shares ports between instances above
+
+
+def build_folder(slot: VehicleSlot) -> str:
+    """PX4's build folder, of the rig or the environment; empty if the user starts the firmware."""
+    return slot.px4 or os.environ.get(BUILD, "")
+
+
+def free_instance(slot: VehicleSlot) -> int:
+    """The number of the firmware that this run starts: the first whose ports are free. 0 if it starts none.
+
+    Raises WireError if all are in use.
+    """
+    if slot.kind != "hitl" or slot.on_hardware or not build_folder(slot):
+        return 0
+    for instance in range(_LARGEST + 1):
+        if _free(socket.SOCK_STREAM, PORT + instance) and _free(socket.SOCK_DGRAM, OFFBOARD_PORT + instance):
+            return instance
+    ports = f"TCP {PORT} to {PORT + _LARGEST} and UDP {OFFBOARD_PORT} to {OFFBOARD_PORT + _LARGEST}"
+    raise WireError(f"no firmware can be started: of the ports {ports} no pair is free; end other firmwares")
+
+
+class HitlWires:
+    """Opened by the host of the device's node: `simulator` at once, the firmware with `start`."""
+
+    def __init__(self, slot: VehicleSlot, instance: int = 0) -> None:
+        """Raises WireError for a port in use, a device that is missing, a build folder without PX4."""
+        kind, where, number = check_simulator(slot.simulator)
+        self.simulator: SimulatorServer | SimulatorPort
+        self._firmware: Firmware | None = None
+        if kind == "serial":
+            self.simulator = SimulatorPort(where, number)
+            return
+        build = build_folder(slot)
+        if build:
+            parameters = firmware_parameters(load_airframe(slot.airframe), slot.external_pose)
+            self._firmware = Firmware(build, parameters, instance)
+        self.simulator = SimulatorServer(where, number + instance)
+
+    def start(self, folder: Path) -> None:
+        """Start the firmware, its log into `folder`, and wait until one has joined. Raises WireError."""
+        if isinstance(self.simulator, SimulatorServer):
+            if self._firmware is not None:
+                self._firmware.start(folder)
+            self.simulator.accept(ended=lambda: self._firmware.ended() if self._firmware is not None else "")
+
+    @property
+    def lost(self) -> str:
+        """Why a serial port is gone; empty while it is there."""
+        return self.simulator.lost if isinstance(self.simulator, SimulatorPort) else ""
+
+    def close(self) -> None:
+        """Close the link and end the firmware; may be called twice."""
+        self.simulator.close()
+        if self._firmware is not None:
+            self._firmware.stop()
+
+
+def offboard_url(slot: VehicleSlot, instance: int) -> str:
+    """The offboard link's address: the rig's, or that of the firmware which this run starts."""
+    return slot.url or f"udp://:{OFFBOARD_PORT + instance}"
+
+
+def _free(kind: socket.SocketKind, port: int) -> bool:
+    with socket.socket(socket.AF_INET, kind) as one, suppress(OSError):
+        if kind == socket.SOCK_STREAM:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        one.bind(("0.0.0.0", port))
+        return True
+    return False

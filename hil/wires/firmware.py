@@ -1,0 +1,95 @@
+"""A PX4 SITL firmware as a process: started in a folder of its own, ended with the run, its log kept.
+
+The build folder is the one that PX4's build makes (build/px4_sitl_default): it holds bin/px4 and etc.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from hil.wires import WireError
+
+MODEL = "none_iris"  # of the firmware's own models the one that waits for a simulator of the user's
+LOG, FLIGHT_LOG = "firmware.log", "firmware.ulg"
+_GRACE_S = 3.0
+_PR_SET_PDEATHSIG = 1
+
+
+def check_build(folder: str) -> Path:
+    """The build folder. Raises WireError if PX4 is not in it."""
+    path = Path(folder).expanduser().resolve()
+    for needed in ("bin/px4", "etc/init.d-posix/rcS"):
+        if not (path / needed).exists():
+            raise WireError(f"{folder} is no build folder of PX4's SITL: {needed} is missing in it")
+    if not os.access(path / "bin/px4", os.X_OK):
+        raise WireError(f"{path / 'bin/px4'} may not be executed")
+    return path
+
+
+class Firmware:
+    """One firmware process. `start` it, and `stop` it at the end of the run."""
+
+    def __init__(self, build: str, parameters: Mapping[str, float], instance: int = 0, model: str = MODEL) -> None:
+        """`parameters`: name -> value, set before it boots. Raises WireError for a folder without PX4."""
+        self._build, self._instance = check_build(build), instance
+        self._environment = {
+            **{name: value for name, value in os.environ.items() if not name.startswith("PX4_")},
+            **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()},
+            "PX4_SIM_MODEL": model,
+        }
+        self._process: subprocess.Popen[bytes] | None = None
+        self._work: Path | None = None
+        self._folder: Path | None = None
+
+    def start(self, folder: Path) -> None:
+        """Start it; its log goes into `folder`. Raises WireError if it cannot be executed."""
+        self._folder, self._work = folder, Path(tempfile.mkdtemp(prefix="perch-firmware-"))
+        binary = str(self._build / "bin/px4")
+        command = [binary, "-d", "-i", str(self._instance), "-w", str(self._work), str(self._build / "etc")]
+        try:
+            with (folder / LOG).open("wb") as log:
+                self._process = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, cwd=self._work,
+                    env=self._environment, start_new_session=True, preexec_fn=_end_with_parent,
+                )  # fmt: skip
+        except OSError as error:
+            raise WireError(f"{binary} cannot be started: {error.strerror}") from None
+
+    def ended(self) -> str:
+        """How it ended, in words; empty while it runs."""
+        code = None if self._process is None else self._process.poll()
+        return "" if code is None else f"the firmware has ended with exit code {code}: see {self._folder}/{LOG}"
+
+    def stop(self) -> None:
+        """End it and keep its flight log; may be called twice."""
+        process, self._process = self._process, None
+        if process is not None:
+            for number in (signal.SIGTERM, signal.SIGKILL):
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, number)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(_GRACE_S)
+                    break
+        work, self._work = self._work, None
+        if work is not None:
+            self._keep(work)
+            shutil.rmtree(work, ignore_errors=True)
+
+    def _keep(self, work: Path) -> None:
+        """The last flight log; a full disk loses it and nothing else."""
+        logs = sorted(work.rglob("*.ulg"), key=lambda path: path.stat().st_mtime)
+        if logs and self._folder is not None:
+            with contextlib.suppress(OSError):
+                shutil.copyfile(logs[-1], self._folder / FLIGHT_LOG)
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,0 +1,40 @@
+"""Where a simulated PX4 is on Earth: its local frame as latitude and longitude, air pressure, magnetic field.
+
+One place for all simulated vehicles (PX4's default of SIH_LOC_*), so that their clients see one home.
+"""
+
+from __future__ import annotations
+
+import math
+
+from kernel.jit import njit
+
+EARTH_RADIUS = 6371000.0  # m, as PX4's local projection uses
+ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_ALTITUDE = 47.397742225, 8.545594135, 489.4  # SIH_LOC_*
+
+# PX4's atmosphere, whose inverse its estimator applies to the barometer.
+SEA_LEVEL_PA, SEA_LEVEL_K, LAPSE = 101325.0, 288.15, -0.0065  # Pa, K, K/m
+_EXPONENT = -9.80665 / (LAPSE * 287.1)
+
+# PX4's magnetic model at the origin: it compares strength and inclination of what it measures with it.
+DECLINATION, INCLINATION = math.radians(3.406), math.radians(63.915)
+FIELD = 0.4897  # gauss
+FIELD_NED = (
+    FIELD * math.cos(INCLINATION) * math.cos(DECLINATION),
+    FIELD * math.cos(INCLINATION) * math.sin(DECLINATION),
+    FIELD * math.sin(INCLINATION),
+)
+
+
+def geodetic(east: float, north: float) -> tuple[int, int]:
+    """Latitude and longitude in 1e-7 deg of a place `east`, `north` (m) of the origin."""
+    latitude = ORIGIN_LATITUDE + math.degrees(north / EARTH_RADIUS)
+    scale = EARTH_RADIUS * math.cos(math.radians(ORIGIN_LATITUDE))
+    longitude = ORIGIN_LONGITUDE + math.degrees(east / scale)
+    return round(latitude * 1e7), round(longitude * 1e7)
+
+
+@njit
+def air_pressure(altitude):
+    """Pressure (Pa) at `altitude` (m above sea level) in PX4's standard atmosphere."""
+    return SEA_LEVEL_PA * (1.0 + LAPSE * altitude / SEA_LEVEL_K) ** _EXPONENT
