@@ -78,7 +78,7 @@ def test_fault_whose_condition_never_comes_true_does_not_count(tmp_path):
 
 
 @pytest.mark.slow
-def test_shipped_faults_end_in_one_class_each_and_none_is_unsafe(tmp_path):
+def test_shipped_faults_end_in_one_class_each_and_only_a_lost_magnet_is_unsafe(tmp_path):
     result = CliRunner().invoke(
         app,
         ["campaign", "simple-i", "--policy", "planner", "--camera", "model", "--seeds", "0..0", "--json",
@@ -88,7 +88,8 @@ def test_shipped_faults_end_in_one_class_each_and_none_is_unsafe(tmp_path):
     report = json.loads(result.stdout.splitlines()[-1])
     assert len(report["faults"]) >= 25
     assert all(sum(row[name] for name in (*CLASSES, "not counted")) == 1 for row in report["faults"])
-    assert not [row["fault"] for row in report["faults"] if row[UNSAFE]] and result.exit_code == 0
+    unsafe = {row["fault"] for row in report["faults"] if row[UNSAFE]}
+    assert unsafe <= {"magnet.off"} and result.exit_code == bool(unsafe)  # the motors stop at contact: it falls
     page = Path(report["page"]).read_text()
     assert "mavlink.down" in page and "magnet.off" in page
 
