@@ -11,147 +11,37 @@ import math
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from kernel.toml_errors import ConfigError, load_toml, nearest, read_toml
+from scenarios.board_laws import HeightLaw, InclinationLaw, RecordedLaw
+from scenarios.faults import FaultTable
 from scenarios.paper import RealRow, SimulatedRow, published, row_keys
+from scenarios.paths import (
+    ArcPath,
+    ConstantSpeed,
+    CosineSpeed,
+    Figure8Path,
+    LinePath,
+    OuSpeed,
+    Path_,
+    RacetrackPath,
+    RecordedPath,
+    RecordedSpeed,
+    ScheduledSpeed,
+    Speed,
+    SplinePath,
+    StaticPath,
+)
+from scenarios.table import NotNegative, Number, Positive, Range, Table
+
+__all__ = [
+    "ArcPath", "Board", "ConstantSpeed", "CosineSpeed", "Figure8Path", "LinePath", "OuSpeed", "RacetrackPath",
+    "RecordedPath", "RecordedSpeed", "Scenario", "ScheduledSpeed", "SplinePath", "StaticPath", "Tolerance",
+    "list_scenarios", "load", "published_row",
+]  # fmt: skip
 
 FOLDER = Path(__file__).parent
-
-Number = Annotated[float, Strict(), Field(ge=-1e6, le=1e6)]
-Positive = Annotated[Number, Field(ge=1e-6)]
-NotNegative = Annotated[Number, Field(ge=0)]
-
-
-def _ordered(value: tuple[float, float]) -> tuple[float, float]:
-    if value[0] > value[1]:
-        raise ValueError(f"[low, high] must be in order, but it is [{value[0]}, {value[1]}]")
-    return value
-
-
-Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
-
-
-class Table(BaseModel):
-    """A TOML table: unknown keys, NaN and infinity are refused, values cannot change after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class StaticPath(Table):
-    """The board stands at (x, y) with heading `heading_deg` (counter-clockwise from east)."""
-
-    kind: Literal["static"]
-    x: Number = 0.0
-    y: Number = 0.0
-    heading_deg: Number = 0.0
-
-
-class LinePath(Table):
-    """Reciprocating line x = A sin(v t / A + phase), y = 0, constant heading, signed speed (paper, trajectory (a)).
-
-    The speed law gives v, the peak speed. `phase_deg` -90 starts at the western turning point, at rest.
-    """
-
-    kind: Literal["line"]
-    amplitude: Positive = 12.0
-    phase_deg: Number = -90.0
-
-
-class RacetrackPath(Table):
-    """Two straights of `straight` joined by semicircles of `radius`, counter-clockwise (paper, trajectory (b))."""
-
-    kind: Literal["racetrack"]
-    radius: Positive = 4.0
-    straight: Positive = 4.0
-    lap_start: Range = (0.0, 1.0)
-
-
-class Figure8Path(Table):
-    """Lemniscate of scale `scale` (paper, trajectory (c))."""
-
-    kind: Literal["figure8"]
-    scale: Positive = 4.0
-    lap_start: Range = (0.0, 1.0)
-
-
-class ArcPath(Table):
-    """A circle of `radius` about the origin, driven to the left (counter-clockwise) or to the right."""
-
-    kind: Literal["arc"]
-    radius: Positive
-    turn: Literal["left", "right"] = "left"
-    lap_start: Range = (0.0, 1.0)
-
-
-class ThenArc(Table):
-    """A tangential change to a circular arc, `after` s (drawn from [low, high]) after the car's start."""
-
-    after: Range
-    radius: Positive
-    turn: Literal["left", "right"] = "left"
-
-
-class SplinePath(Table):
-    """Random periodic cubic B-spline about the origin (paper, trajectory (d)): control radii drawn by the seed from
-    U(radius), smoothed around the circle, shrunk until curvature <= turn_rate_limit / speed."""
-
-    kind: Literal["spline"]
-    control_points: Annotated[int, Field(ge=4, le=1000)] = 12
-    radius: Range = (1.0, 12.0)
-    turn_rate_limit: Positive = 1.2
-    lap_start: Range = (0.0, 1.0)
-    then: ThenArc | None = None
-
-
-Path_ = Annotated[
-    StaticPath | LinePath | RacetrackPath | Figure8Path | ArcPath | SplinePath, Field(discriminator="kind")
-]
-
-
-class ConstantSpeed(Table):
-    kind: Literal["constant"]
-    speed: NotNegative
-
-
-class OuSpeed(Table):
-    """speed * exp(eta), eta an Ornstein-Uhlenbeck process (paper, appendix on trajectories)."""
-
-    kind: Literal["ou"]
-    speed: NotNegative
-    tau: Positive = 1.0
-    sigma: NotNegative = 0.1
-
-
-class CosineSpeed(Table):
-    """minimum + (maximum - minimum) (1 + cos(2 pi t / period + phase)) / 2, t from the car's start (paper, Hard-I).
-
-    The seed draws the phase from `phase_deg`, [low, high].
-    """
-
-    kind: Literal["cosine"]
-    minimum: NotNegative
-    maximum: NotNegative
-    period: Positive
-    phase_deg: Range = (0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _order(self) -> CosineSpeed:
-        if self.minimum > self.maximum:
-            raise ValueError(f"minimum {self.minimum} is above maximum {self.maximum}")
-        return self
-
-
-class ScheduledSpeed(Table):
-    """`first` until the path's change (`path.then`), then within `ramp` seconds to `second` (paper, Hard-II)."""
-
-    kind: Literal["scheduled"]
-    first: NotNegative
-    second: NotNegative
-    ramp: NotNegative = 0.5
-
-
-Speed = Annotated[ConstantSpeed | OuSpeed | CosineSpeed | ScheduledSpeed, Field(discriminator="kind")]
 
 
 def _as_made(value: float) -> float:
@@ -167,11 +57,16 @@ BOARD_SIZE = 0.42  # m, of groundcar/board/layout.py
 
 
 class Board(Table):
-    """Square board of side `size`, centre `height` above the ground, tilted by `inclination_deg` (0: facing up)."""
+    """Square board of side `size`, centre `height` above the ground, tilted by `inclination_deg` (0: facing up).
+
+    `inclination_law` and `height_law` move it about these, as the deck of a boat does.
+    """
 
     inclination_deg: Annotated[Number, Field(ge=0, le=90)]
     height: Positive = 1.5
     size: Annotated[Number, AfterValidator(_as_made)] = BOARD_SIZE
+    inclination_law: InclinationLaw | None = None
+    height_law: HeightLaw | None = None
 
 
 class Start(Table):
@@ -282,14 +177,27 @@ class Scenario(Table):
     randomisation: Randomisation = Randomisation()
     time_limit: Positive = 15.0
     published: str | None = None
+    fault: tuple[FaultTable, ...] = ()
+
+    @property
+    def tilts(self) -> bool:
+        """Whether the board's inclination or height changes during a run."""
+        laws = (self.board.inclination_law, self.board.height_law)
+        return any(law is not None for law in laws) or any(one.kind.startswith("board.") for one in self.fault)
 
     @model_validator(mode="after")
     def _fits(self) -> Scenario:
+        recorded = isinstance(self.path, RecordedPath)
+        if recorded != isinstance(self.speed, RecordedSpeed):
+            raise ValueError('path.kind "recorded" and speed.kind "recorded" need each other')
         change = isinstance(self.path, SplinePath) and self.path.then is not None
         if isinstance(self.speed, ScheduledSpeed) and not change:
             raise ValueError('speed.kind "scheduled" changes speed when the path does: add a [path.then] table')
         if isinstance(self.path, StaticPath) and getattr(self.speed, "speed", 1.0) != 0.0:
             raise ValueError('path.kind "static" needs speed.kind "constant" with speed = 0')
+        laws = (self.board.inclination_law, self.board.height_law)
+        if any(isinstance(law, RecordedLaw) for law in laws) and not recorded:
+            raise ValueError('a law of kind "recorded" needs path.kind "recorded"')
         return self
 
 

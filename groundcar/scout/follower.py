@@ -18,6 +18,7 @@ from groundcar.motion import board_row, motion_row
 from groundcar.motion.board_motion import motion_future, motion_reset, motion_step
 from groundcar.motion.kinematics import drive
 from groundcar.motion.paths import LINE
+from groundcar.motion.recorded import RecordedMotion
 from groundcar.scout import gains_row
 from groundcar.scout.driver import Command
 from groundcar.scout.params import ScoutParams, load_scout
@@ -71,16 +72,14 @@ class Follower:
         on a line that starts near its turning point it is at once the closed form.
         """
         params = params or load_scout()
-        gains, limits = params.follower, params.limits
+        gains = params.follower
         self._aux, self._stream, self._row = aux.copy(), stream.copy(), np.zeros(board_row.DIM)
         turning = aux[motion_row.PATH_KIND] == LINE and abs(math.cos(u)) < 0.05
         if not turning:
             self._aux[motion_row.ACCEL_LIMIT] = min(aux[motion_row.ACCEL_LIMIT], gains.acceleration)
         motion_reset(self._row, self._aux, u, 0.0, 0.0, turning)
         self._lead = gains.lead
-        self._gains = np.array(
-            [gains.along, gains.across, gains.heading, gains.correction, limits.speed, limits.turn_rate]
-        )
+        self._gains = gains_of(params)
         self._start_ns: int | None = None
         self._ticked_ns = 0
 
@@ -135,6 +134,48 @@ class Follower:
             x, y, heading = drive(x, y, heading, speed, turn_rate, age)
         v, w = follow(reference, ahead, x, y, heading, self._gains)
         return _shown(now_ns, reference), Command(now_ns, float(v), float(w))
+
+
+class RecordedFollower:
+    """Follows a recorded motion, with the same law and gains."""
+
+    def __init__(self, motion: RecordedMotion, params: ScoutParams | None = None) -> None:
+        params = params or load_scout()
+        self._motion, self._lead = motion, params.follower.lead
+        self._gains = gains_of(params)
+        self._start_ns: int | None = None
+
+    def start(self, now_ns: int) -> None:
+        """The motion starts at `now_ns`; a second call has no effect."""
+        if self._start_ns is None:
+            self._start_ns = now_ns
+
+    def step(
+        self,
+        now_ns: int,
+        x: float,
+        y: float,
+        heading: float,
+        speed: float,
+        turn_rate: float,
+        stamp_ns: int | None = None,
+    ) -> tuple[CarRef, Command]:
+        """As `Follower.step`."""
+        if self._start_ns is None or now_ns < self._start_ns:
+            return _shown(now_ns, self._motion.at(0.0), standing=True), Command(now_ns, 0.0, 0.0)
+        since = (now_ns - self._start_ns) * 1e-9
+        reference, ahead = self._motion.at(since), self._motion.at(since + self._lead)
+        if stamp_ns is not None:
+            age = min(max(now_ns - stamp_ns, 0), MAX_AGE_NS) * 1e-9
+            x, y, heading = drive(x, y, heading, speed, turn_rate, age)
+        v, w = follow(reference, ahead, x, y, heading, self._gains)
+        return _shown(now_ns, reference), Command(now_ns, float(v), float(w))
+
+
+def gains_of(params: ScoutParams) -> np.ndarray:
+    """The gains row (groundcar.scout.gains_row) of a car."""
+    gains, limits = params.follower, params.limits
+    return np.array([gains.along, gains.across, gains.heading, gains.correction, limits.speed, limits.turn_rate])
 
 
 def _shown(now_ns: int, row: np.ndarray, standing: bool = False) -> CarRef:

@@ -78,6 +78,11 @@ class ScoutSim:
         self._pending.clear()
         self._asked = (0.0, 0.0)
 
+    def carry(self, x: float, y: float, heading: float, speed: float, turn_rate: float) -> None:
+        """Put the car where something else moves it: m, rad, m/s, rad/s, as its wheels report too."""
+        self._state[[car_row.X, car_row.Y, car_row.HEADING]] = x, y, heading
+        self._state[[car_row.SPEED, car_row.TURN_RATE]] = speed, turn_rate
+
     # truth: for the board, motion capture and tests, never for the driver
 
     @property

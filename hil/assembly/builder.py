@@ -5,12 +5,14 @@ nothing is shared between two of them but the wires, which belong to the host.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
-from hil.assembly.node_table import NODES, node_names
+from hil.assembly.node_table import NODES, fault_setting, node_names
 from hil.assembly.parts import Parts, Wires
 from hil.assembly.rig import Rig
 from hil.assembly.sensing import mounted_cameras
 from hil.contract.node import Node
+from hil.faults.kinds import with_faults
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import Drawn
 from scenarios.spec import Scenario
@@ -39,7 +41,12 @@ class Assembly:
         return node_names(self._parts.rig)
 
     def node(self, name: str) -> Node:
-        """A fresh node of that name. Raises ValueError if this rig has none, and what its builder raises."""
+        """A fresh node of that name, with the scenario's faults around it. Raises ValueError if this rig has none, and
+        what its builder raises."""
         if name not in self.names:
             raise ValueError(f"this rig has no node {name!r}; it has {', '.join(self.names)}")
-        return NODES[name].build(self._parts)
+        parts = self._parts
+        return with_faults(
+            name, lambda wires: NODES[name].build(replace(parts, wires=wires)), parts.wires, parts.scenario.fault,
+            fault_setting(parts.rig, live=bool(parts.unix_ns)), (parts.drawn.seed, parts.scenario.name),
+        )  # fmt: skip

@@ -39,4 +39,4 @@ def referee(parts: Parts) -> Referee:
         workspace_z=space.z[1],
         time_limit=parts.scenario.time_limit,
     )
-    return Referee(rules, parts.frame.contact, parts.inclination)
+    return Referee(rules, parts.frame.contact, None if parts.scenario.tilts else parts.inclination)

@@ -12,6 +12,7 @@ from hil.assembly import car, deciding, sensing, vehicle
 from hil.assembly.parts import Parts
 from hil.assembly.rig import Rig
 from hil.contract.node import Node
+from hil.faults.fault import Setting
 
 PriorityClass = Literal["control", "detection", "off_path", "rendering", "recording"]
 
@@ -108,3 +109,9 @@ def driving_services() -> tuple[str, ...]:
     """The services that drive a device, and have to reach its safe state before a run may end."""
     drivers = {row.service.name for row in _ROWS if row.drives}
     return tuple(name for name in SERVICES if name in drivers)
+
+
+def fault_setting(rig: Rig, *, live: bool) -> Setting:
+    """What the kinds of faults must know of a run with `rig`."""
+    simulated = [slot for slot in ("vehicle", "groundcar", "camera", "mocap") if getattr(rig, slot).kind == "sim"]
+    return Setting(service_nodes(rig), simulated, rig.camera.source == "pictures", live)

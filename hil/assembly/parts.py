@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 from groundcar.scout.params import load_scout
-from hil.assembly.board_motion import hover_start
+from hil.assembly.board_motion import Ride, hover_start
 from hil.assembly.rig import Rig
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import Drawn
@@ -34,7 +34,7 @@ class Parts:
     """One run's scenario, rig and drawn numbers, and what its host provides.
 
     `stopwatch` (ns) is given by hosts in which a detection costs real time. `unix_ns` is the date (Unix time) at which
-    the run begins, for signatures on a real vehicle's link.
+    the run begins, for signatures on a real vehicle's link; 0 in lockstep, in a replay and while warming up.
     """
 
     scenario: Scenario
@@ -53,6 +53,11 @@ class Parts:
     def inclination(self) -> float:
         """The board's set angle, rad."""
         return math.radians(self.scenario.board.inclination_deg)
+
+    @property
+    def steepest(self) -> float:
+        """The board's largest inclination during the run, rad."""
+        return Ride(self.scenario).steepest
 
     @property
     def hover_start(self) -> tuple[float, float, float, float]:

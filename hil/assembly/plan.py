@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from hil.assembly.cameras import camera_contract
+from hil.assembly.node_table import fault_setting
+from hil.assembly.recorded_motion import identified
 from hil.assembly.rig import Rig, load_rig
+from hil.faults.kinds import check_faults
 from hil.recording.runs import RunError, policy_identity
 from policies.flying.registry import POLICY, PolicyFactory, policy_factory
 from policies.flying.trial import latency
+from scenarios.faults import FaultTable
 from scenarios.spec import Scenario, load
 from vehicle.quadrotor.airframe import Airframe, load_airframe
 
@@ -16,13 +20,27 @@ from vehicle.quadrotor.airframe import Airframe, load_airframe
 class Plan:
     """What was asked for, read and checked: nothing is written before this succeeds."""
 
-    def __init__(self, scenario: str, rig: str, policy: str | None, camera: str | None) -> None:
-        """Raises ConfigError, ContractError or ValueError: one line each."""
+    def __init__(
+        self,
+        scenario: str,
+        rig: str,
+        policy: str | None,
+        camera: str | None,
+        *,
+        faults: Sequence[FaultTable] = (),
+        live: bool = False,
+    ) -> None:
+        """`faults` are flown besides the scenario's own. Raises ConfigError, ContractError or ValueError: one line
+        each."""
         self.scenario: Scenario = load(scenario)
+        if faults:
+            self.scenario = self.scenario.model_copy(update={"fault": (*self.scenario.fault, *faults)})
         self.rig: Rig = load_rig(rig)
         if camera is not None:
             source = self.rig.camera.model_copy(update={"source": camera})
             self.rig = self.rig.model_copy(update={"camera": source})
+        self.scenario = identified(self.scenario)
+        check_faults(self.scenario.fault, fault_setting(self.rig, live=live))
         self.policy_name = policy or self.rig.policy.kind
         self.airframe: Airframe = load_airframe(self.rig.vehicle.airframe)
         self.make_policy: PolicyFactory = rig_policy(self.policy_name, self.rig, self.airframe)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from hil.assembly.parts import Parts
@@ -50,7 +51,7 @@ def vehicle_link(parts: Parts) -> VehicleLink:
     rig = parts.rig
     slot, real = rig.vehicle, rig.vehicle.kind == "mavlink"
     config = LinkConfig(
-        start=parts.hover_start, hover_thrust=parts.frame.hover_thrust, steepest=parts.inclination,
+        start=parts.hover_start, hover_thrust=parts.frame.hover_thrust, steepest=min(parts.steepest, math.pi / 2),
         hover_position=slot.hover_position, hover_speed=slot.hover_speed, hover_turning=slot.hover_turning,
         external_vision=slot.external_pose,
     )  # fmt: skip

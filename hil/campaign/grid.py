@@ -23,12 +23,15 @@ from hil.assembly.plan import Plan
 from hil.host.flight import fly
 from hil.live.process import die_with_parent
 from hil.recording.autopilot_parameters import note_parameters
+from hil.recording.manifest import nested
 from hil.recording.provenance import Code, ProvenanceError
 from hil.recording.recorder import RecordingError
 from hil.recording.runs import RunError, list_runs, policy_identity
+from hil.scoring.flight_class import UNSAFE
 from hil.wires import WireError
 from kernel.toml_errors import ConfigError
 from scenarios.draw import MAX_SEED
+from scenarios.faults import FaultFile, FaultTable
 
 
 class CampaignError(RuntimeError):
@@ -46,6 +49,13 @@ class Grid:
     camera: str | None
     pictures: str
     out: Path
+    faults: tuple[FaultTable, ...] = ()  # each name is flown by itself; none: flights without faults
+    keep: str = "all"  # which recordings: all, or those of unsafe flights
+
+    @property
+    def cases(self) -> dict[str, tuple[FaultTable, ...]]:
+        """Name of a fault -> the tables that are flown together."""
+        return FaultFile(fault=self.faults).cases if self.faults else {"": ()}
 
 
 @dataclass(frozen=True)
@@ -55,20 +65,23 @@ class Job:
     scenario: str
     policy: str
     seed: int
+    fault: str = ""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a job. `failure`: why there was no attempt."""
+    """What became of a job. `failure`: why there was no attempt, empty where a fault was the reason."""
 
     job: Job
     verdict: str = ""  # one word of `hil.scoring.verdict`
     reasons: tuple[str, ...] = ()
     failure: str = ""
+    flight_class: str = ""  # one of `hil.scoring.flight_class`
 
 
 def check(grid: Grid) -> list[Job]:
-    """Every job, scenario by scenario and seed by seed, so that a campaign cut short still compares policies.
+    """Every job, scenario by scenario and seed by seed, so that a campaign cut short still compares policies; with
+    faults seed by seed.
 
     Raises ConfigError, ContractError or ValueError for anything that could not be flown: nothing is written before.
     """
@@ -79,8 +92,14 @@ def check(grid: Grid) -> list[Job]:
         if twice:
             raise ConfigError(f"{kind} {', '.join(twice)} is given twice")
     for scenario, policy in itertools.product(grid.scenarios, grid.policies):
-        if not _plan(scenario, grid.rig, policy, grid.camera).rig.simulated:
-            raise ConfigError(f'rig "{grid.rig}" has real devices: a campaign repeats seeds, which only simulation can')
+        for case in grid.cases:
+            if not _plan_of(grid, Job(scenario, policy, 0, case)).rig.simulated:
+                raise ConfigError(
+                    f'rig "{grid.rig}" has real devices: a campaign repeats seeds, which only simulation can'
+                )
+    if grid.faults:
+        every = itertools.product(grid.seeds, grid.scenarios, grid.cases, grid.policies)
+        return [Job(scenario, policy, seed, case) for seed, scenario, case, policy in every]
     return [Job(s, p, seed) for s, seed, p in itertools.product(grid.scenarios, grid.seeds, grid.policies)]
 
 
@@ -92,7 +111,10 @@ def left_to_do(grid: Grid, jobs: Sequence[Job]) -> list[Job]:
             manifest, score = run.manifest, run.score
         except RunError:
             continue
-        if manifest.get("state") == "finished" and score is not None and score.get("outcome") != "incomplete":
+        if score is None:
+            continue
+        decided = manifest.get("state") == "finished" and score.get("outcome") != "incomplete"
+        if decided or (nested(manifest, "scenario").get("fault") and nested(score, "flight")):
             flown.add(_key(*(manifest.get(name) for name in ("scenario", "rig", "policy", "seed"))))
     return [job for job in jobs if _wanted(grid, job) not in flown]
 
@@ -138,7 +160,7 @@ def _begin(campaign: int) -> None:
 
 def _fly(grid: Grid, job: Job, code: Code) -> Result | None:
     """In a process of the pool; None if it was interrupted."""
-    plan = _plan(job.scenario, grid.rig, job.policy, grid.camera)
+    plan = _plan_of(grid, job)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         flight = fly(
@@ -149,6 +171,10 @@ def _fly(grid: Grid, job: Job, code: Code) -> Result | None:
         if flight.interrupted:
             return None
         note_parameters(flight.run)
+        found = flight.flight_class.name if flight.flight_class else ""
+        if grid.keep == "unsafe" and found != UNSAFE:
+            for path in flight.run.path.glob("*.mcap"):
+                path.unlink()
     except (RunError, RecordingError, ProvenanceError, WireError) as error:
         return Result(job, failure=str(error))
     except KeyboardInterrupt:
@@ -156,11 +182,12 @@ def _fly(grid: Grid, job: Job, code: Code) -> Result | None:
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     score = flight.score
-    return Result(job, score.verdict, tuple(score.reasons), flight.failure)
+    failure = "" if plan.scenario.fault and found else flight.failure
+    return Result(job, score.verdict, tuple(score.reasons), failure, found)
 
 
 def _wanted(grid: Grid, job: Job) -> str:
-    plan = _plan(job.scenario, grid.rig, job.policy, grid.camera)
+    plan = _plan_of(grid, job)
     scenario = {**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name}
     rig = {**plan.rig.model_dump(mode="json"), "name": Path(grid.rig).stem}
     return _key(scenario, rig, policy_identity(plan.policy_name), job.seed)
@@ -177,6 +204,10 @@ def _sorted(value: Any) -> Any:
     return [_sorted(part) for part in value] if isinstance(value, list | tuple) else value
 
 
-@lru_cache(maxsize=64)
-def _plan(scenario: str, rig: str, policy: str, camera: str | None) -> Plan:
-    return Plan(scenario, rig, policy, camera)
+def _plan_of(grid: Grid, job: Job) -> Plan:
+    return _plan(job.scenario, grid.rig, job.policy, grid.camera, grid.cases[job.fault])
+
+
+@lru_cache(maxsize=512)
+def _plan(scenario: str, rig: str, policy: str, camera: str | None, faults: tuple[FaultTable, ...]) -> Plan:
+    return Plan(scenario, rig, policy, camera, faults=faults)

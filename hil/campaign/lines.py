@@ -3,7 +3,7 @@ common with others stands apart."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ _NOT_FLOWN = ("title", "crew_keys", "preflight")  # keys of a rig that change no
 
 class Group(NamedTuple):
     """What a count is of. `camera`: pictures, or the paper's model of them. `rig`: empty if all runs had the same.
+    `fault`: titles of the scenario's faults.
 
     A name is followed by the beginning of its content's digest where runs of that name differ in content.
     """
@@ -26,6 +27,7 @@ class Group(NamedTuple):
     camera: str
     policy: str
     rig: str = ""
+    fault: str = ""
 
     @property
     def ident(self) -> str:
@@ -54,6 +56,7 @@ class Line:
             str(nested(self.manifest, "rig", "camera").get("source", "unknown")),
             self.policy,
             self._label("rig") if "rig" in self.apart else "",
+            fault_titles(self.manifest),
         )
 
     def named(self, part: str) -> str:
@@ -93,6 +96,13 @@ class Line:
         return f"{str(code.get('commit') or code.get('version', 'unknown'))[:10]}{'+' if code.get('dirty') else ''}"
 
 
+def fault_titles(manifest: Mapping[str, Any]) -> str:
+    """The faults of a run's scenario by their titles, each once; empty without faults."""
+    tables = nested(manifest, "scenario").get("fault") or ()
+    titles = [str(table.get("name") or table.get("kind")) for table in tables if isinstance(table, Mapping)]
+    return " + ".join(dict.fromkeys(titles))
+
+
 def gather(runs: Sequence[Run]) -> tuple[list[Line], list[str]]:
     """The runs that count, and a line for each that does not. Raises RunError for an unreadable file."""
     lines, skipped = [], []
@@ -106,6 +116,8 @@ def gather(runs: Sequence[Run]) -> tuple[list[Line], list[str]]:
             undecided = score["outcome"] == INCOMPLETE
             why = "ended before the referee decided" if undecided else f"its state is {manifest.get('state')}"
             skipped.append(f"{line.name}: {notes[0] if notes else why}")
+        elif nested(score, "flight").get("not_begun"):
+            skipped.append(f"{line.name}: {score['reasons'][-1]}")
         else:
             lines.append(line)
     return _told_apart(lines), skipped

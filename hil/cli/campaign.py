@@ -1,7 +1,4 @@
-"""`perch-hil campaign`: flies policies over scenarios and seeds, and compares them.
-
-Successes are counted with exact intervals and compared seed by seed.
-"""
+"""`perch-hil campaign`: flies policies over scenarios and seeds, compares them, and judges requirements on them."""
 
 from __future__ import annotations
 
@@ -11,25 +8,35 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hil.cli.campaign_plan import draw, plan
+from hil.cli.groups import DefaultGroup
 from hil.cli.legends import CAMPAIGN, explained
 from hil.cli.options import (
     COULD_NOT_RUN,
+    DIFFERENT,
     INTERRUPTED,
     POLICIES,
+    UNDECIDED,
     USAGE,
     Camera,
     Json,
     Rig,
+    complain,
     fail,
     parse_seeds,
 )
 
 if TYPE_CHECKING:
-    from hil.campaign.lines import Line
+    from hil.campaign.grid import Grid, Job
+    from hil.campaign.require import Requirement
+
+
+class _FliesByDefault(DefaultGroup):
+    default = "fly"
 
 
 @explained(CAMPAIGN)
-def campaign(
+def fly(
     scenarios: Annotated[list[str] | None, typer.Argument(help="names or .toml files [default: all published]")] = None,
     policy: Annotated[
         list[str] | None,
@@ -42,34 +49,67 @@ def campaign(
     rig: Rig = "sim",
     camera: Camera = None,
     pictures: Annotated[Literal["preview", "all", "none"], typer.Option(help="which pictures to record")] = "none",
+    faults: Annotated[
+        Path | None,
+        typer.Option(help="a .toml file of [[fault]] tables (see `perch-hil faults`), each flown alone"),
+    ] = None,
+    keep: Annotated[
+        Literal["all", "unsafe"], typer.Option(help="which recordings: all, or those of flights that ended unsafe")
+    ] = "all",
+    require: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="'within_tolerance >= 0.9' (also attached, perched, safe), 'better', 'not worse by 0.02'; repeated"
+        ),
+    ] = None,
+    confidence: Annotated[float, typer.Option(help="of intervals and requirements, between 0 and 1")] = 0.95,
+    junit: Annotated[Path | None, typer.Option(help="file for what became of the requirements, as JUnit XML")] = None,
+    sealed: Annotated[
+        Path | None, typer.Option(help="list of `campaign draw`: the folder's real flights are compared with it")
+    ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, max=256, help="flights at a time [default: one a core]")] = None,
     out: Annotated[Path, typer.Option(help="folder of this campaign's runs and page")] = Path("campaign"),
     as_json: Json = False,
 ) -> None:
     """Fly scenarios with several policies, and compare them.
 
-    Every scenario, with every policy, on every seed; leaves campaign.html, and says which policy is better.
+    Every scenario, with every policy, on every seed; leaves campaign.html, and says which policy is better. With
+    --faults each fault is flown by itself on all of them, and every flight ends in one class.
 
     After a stop of any kind the same command goes on, and flies only what the folder does not hold yet.
 
-    Exit code: 0 all flown, 2 usage or configuration, 3 some could not be flown, 130 interrupted.
+    Exit code: 0 all flown, requirements met, 1 a requirement is not met or a flight with a fault was unsafe, 2 usage or
+    configuration, 3 some could not be flown, 4 undecided at this number of flights, 130 interrupted.
     """
     from hil.assembly.rig import load_rig
+    from hil.campaign.draw import read_list
     from hil.campaign.grid import CampaignError, Grid, check, left_to_do
+    from hil.campaign.require import MET, NOT_MET, read
     from hil.recording.provenance import ProvenanceError, code
     from hil.recording.runs import RunError
-    from kernel.toml_errors import ConfigError
+    from hil.report.conclusion import Conclusion, conclude
+    from kernel.toml_errors import ConfigError, load_toml
     from policies.flying.contract import ContractError
+    from scenarios.faults import FaultFile
     from scenarios.spec import list_scenarios
 
     try:
+        if not 0.5 <= confidence < 1.0:
+            raise ConfigError(f"--confidence {confidence:g}: give 0.5 or more, and less than 1")
+        if junit is not None and not require:
+            raise ConfigError("--junit says what became of requirements: give --require")
+        requirements = [read(text) for text in require or ()]
         policies = tuple(policy or [load_rig(rig).policy.kind])
+        _check_pairs(requirements, policies)
+        listed = read_list(sealed) if sealed else None
+        tables = load_toml(faults, FaultFile).fault if faults else ()
         flown = tuple(scenarios or list_scenarios())
-        grid = Grid(flown, policies, parse_seeds(None, seeds), rig, camera, pictures, out)
+        grid = Grid(flown, policies, parse_seeds(None, seeds), rig, camera, pictures, out, tables, keep)
         wanted = check(grid)
     except (ConfigError, ContractError, ValueError) as error:
         raise fail(str(error), USAGE) from None
     interrupted, failures = False, 0
+    found: Conclusion | None = None
     try:
         todo = left_to_do(grid, wanted)
         failures = _fly(grid, todo, len(wanted), jobs or os.cpu_count() or 1, code()) if todo else 0
@@ -77,14 +117,32 @@ def campaign(
         interrupted = True
     except (CampaignError, ProvenanceError, RunError, OSError) as error:
         raise fail(str(error), COULD_NOT_RUN) from None
-    _conclude(out, Path(grid.policies[0]).name, as_json)
+    try:
+        found = conclude(out, Path(grid.policies[0]).name, requirements, confidence, xml=junit, listed=listed)
+    except (ValueError, OSError) as error:
+        complain(str(error))
+    _say(found, as_json)
     if interrupted:
         raise fail("interrupted; the same command goes on from here", INTERRUPTED)
     if failures:
         raise fail(f"{failures} of {len(wanted)} could not be flown: see above", COULD_NOT_RUN)
+    if found is None:
+        raise typer.Exit(COULD_NOT_RUN if requirements else 0)
+    if found.outcome == NOT_MET or found.unsafe:
+        raise typer.Exit(DIFFERENT)
+    if requirements and found.outcome != MET:
+        raise typer.Exit(UNDECIDED)
 
 
-def _fly(grid: Any, todo: list[Any], total: int, processes: int, code: Any) -> int:
+def _check_pairs(requirements: list[Requirement], policies: tuple[str, ...]) -> None:
+    from kernel.toml_errors import ConfigError
+
+    for one in requirements:
+        if one.of_pairs and len(policies) < 2:
+            raise ConfigError(f'--require "{one.text}" compares policies, and there is one: give --policy twice')
+
+
+def _fly(grid: Grid, todo: list[Job], total: int, processes: int, code: Any) -> int:
     """Fly with progress on stderr; returns how many could not be."""
     from rich.console import Console
     from rich.progress import (
@@ -110,60 +168,38 @@ def _fly(grid: Any, todo: list[Any], total: int, processes: int, code: Any) -> i
         for result in fly_all(grid, todo, processes, code):
             bar.advance(task)
             job = result.job
-            what = result.failure or result.verdict
+            what = result.failure or (result.flight_class if job.fault else result.verdict)
             why = f" ({'; '.join(result.reasons)})" if result.reasons and not result.failure else ""
             prefix = "could not run: " if result.failure else ""
-            bar.console.print(
-                f"{job.scenario} {Path(job.policy).name} seed {job.seed}: {prefix}{what}{why}", highlight=False
-            )
+            name = " ".join(filter(None, (job.scenario, job.fault, Path(job.policy).name)))
+            bar.console.print(f"{name} seed {job.seed}: {prefix}{what}{why}", highlight=False)
             failures += bool(result.failure)
     return failures
 
 
-def _conclude(out: Path, baseline: str, as_json: bool) -> None:
-    """Page, table and comparison of everything the folder holds."""
-    from hil.campaign.lines import gather
+def _say(found: Any, as_json: bool) -> None:
+    """Print tables, comparisons and decisions."""
     from hil.cli.screen import print_json, say, screen
-    from hil.recording.runs import list_runs
-    from hil.report.campaign import CONFIDENCE, render
-    from hil.report.comparison_table import comparisons
 
-    lines, _ = gather(list_runs(out))
-    if not lines:
+    if found is None:
         return
-    page = out / "campaign.html"
-    page.write_text(render(list_runs(out), f"Campaign {out.resolve().name}", baseline), encoding="utf-8")
-    compared = comparisons(lines, baseline, CONFIDENCE)
-    groups = _counts(lines)
     if as_json:
-        fields = ("policy", "against", "scenario", "says")
-        found = {"counts": groups, "comparisons": [dict(zip(fields, row, strict=True)) for row in compared]}
-        print_json({**found, "page": str(page)})
+        print_json(found.as_dict())
         return
-    screen().print(_table(groups))
-    say(CAMPAIGN)
-    for policy, against, scenario, finding in compared:
+    if found.counts:
+        screen().print(_table(found.counts, found.confidence))
+        say(CAMPAIGN)
+    if found.classes:
+        screen().print(_fault_table(found.classes))
+    for policy, against, scenario, finding in found.comparisons:
         say(f"{policy} against {against}, {scenario}: {finding}")
-    say(f"page: {page}")
+    for one in found.decisions:
+        said = f"{one.estimate:.3f} ({one.low:.3f} to {one.high:.3f}), {one.runs} flights"
+        say(f"{one.outcome}: {one.requirement}, {one.policy} on {one.scenario}: {said}")
+    say(f"page: {found.page}")
 
 
-def _counts(lines: list[Line]) -> list[dict[str, Any]]:
-    from hil.scoring.binomial import interval
-
-    found: dict[Any, list[Line]] = {}
-    for line in lines:
-        found.setdefault(line.group, []).append(line)
-    rows = []
-    for group, members in sorted(found.items()):
-        row: dict[str, Any] = {**group._asdict(), "runs": len(members)}
-        for key in ("within_tolerance", "attached"):
-            row[key] = sum(bool(line.score[key]) for line in members)
-            row[f"{key}_interval"] = interval(row[key], len(members))
-        rows.append(row)
-    return rows
-
-
-def _table(groups: list[dict[str, Any]]) -> Any:
+def _table(groups: list[dict[str, Any]], confidence: float) -> Any:
     from rich import box
     from rich.table import Table
 
@@ -175,12 +211,31 @@ def _table(groups: list[dict[str, Any]]) -> Any:
     for column in ("within tolerance", "attached"):
         table.add_column(column, justify="right", no_wrap=True)
     for row in groups:
-        within, attached = rate_text(row["within_tolerance"], row["runs"]), f"{row['attached']} of {row['runs']}"
+        within = rate_text(row["within_tolerance"], row["runs"], confidence)
         camera = f"{row['camera']} {row['rig']}".strip()
-        table.add_row(row["scenario"], row["policy"], camera, within, attached)
+        table.add_row(row["scenario"], row["policy"], camera, within, f"{row['attached']} of {row['runs']}")
+    return table
+
+
+def _fault_table(rows: list[dict[str, Any]]) -> Any:
+    """Faults by class, over all scenarios and policies."""
+    from rich import box
+    from rich.table import Table
+
+    columns = [name for name in rows[0] if name not in ("fault", "scenario", "policy")]
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("fault", overflow="fold")
+    for name in columns:
+        table.add_column(name.split(" and ")[0], justify="right")
+    for fault in dict.fromkeys(row["fault"] for row in rows):
+        sums = [sum(row[name] for row in rows if row["fault"] == fault) for name in columns]
+        table.add_row(fault, *(str(count) if count else "-" for count in sums))
     return table
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to the command line."""
-    app.command()(campaign)
+    """Add the group to the command line."""
+    group = typer.Typer(cls=_FliesByDefault, help="Fly scenarios with several policies, with faults, and decide.")
+    for name, command in (("fly", fly), ("plan", plan), ("draw", draw)):
+        group.command(name)(command)
+    app.add_typer(group, name="campaign")

@@ -68,7 +68,7 @@ def plan_of(request: Request, seeds: Sequence[int]) -> Plan:
     Raises ConfigError, ContractError or ValueError for what cannot be flown, or not with these options.
     """
     check_override(request.override)
-    plan = Plan(request.scenario, request.rig, request.policy, request.camera)
+    plan = Plan(request.scenario, request.rig, request.policy, request.camera, live=request.live)
     if seeds[-1] > MAX_SEED:
         raise ConfigError(f"seed {seeds[-1]} is out of range: use 0 to {MAX_SEED}")
     if not plan.rig.simulated and not request.live:

@@ -11,13 +11,16 @@ from typer.core import TyperGroup
 DEFAULT = "list"
 
 
-class ListsByDefault(TyperGroup):
-    """A group that is `list` where no command is named: `perch-hil runs FOLDER` is `perch-hil runs list FOLDER`."""
+class DefaultGroup(TyperGroup):
+    """A group that is its command `default` where none is named: `perch-hil runs FOLDER` is `perch-hil runs list
+    FOLDER`."""
+
+    default = DEFAULT
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put `list` in front of what names no command of this group."""
+        """Put the default command in front of what names no command of this group."""
         if not args or (args[0] not in self.commands and args[0] != "--help"):
-            args = [DEFAULT, *args]
+            args = [self.default, *args]
         return super().parse_args(ctx, args)
 
 
@@ -35,7 +38,7 @@ def add_group(
     `flat`: each command is also a hidden one of `app`, under its own name. `lists`: the group is its command `list`
     where none is named, so that `list` itself has no flat name.
     """
-    group = typer.Typer(no_args_is_help=not lists, cls=ListsByDefault if lists else TyperGroup, help=text)
+    group = typer.Typer(no_args_is_help=not lists, cls=DefaultGroup if lists else TyperGroup, help=text)
     for word, command in commands.items():
         group.command(word)(command)
         if flat and word != DEFAULT:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hil.cli import bus, campaign, check, policy, results, rig, run, runs, soak
+from hil.cli import bus, campaign, check, faults, policy, refly, results, rig, run, runs, soak
 from hil.cli.options import POLICIES, Json, fail
 
 DISTRIBUTION = "perch-hil"
@@ -68,6 +68,8 @@ def board_file(path: Annotated[Path, typer.Argument(help="file to write: .pdf, .
 
 run.register(app)
 campaign.register(app)
+faults.register(app)
+refly.register(app)
 check.register(app)
 app.command("scenarios")(scenarios)
 app.command("board")(board_file)

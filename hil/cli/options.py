@@ -14,7 +14,7 @@ from policies.flying.shipped import FLYABLE
 if TYPE_CHECKING:
     from hil.bus.leaf import Credentials
 
-OK, DIFFERENT, USAGE, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 3, 130
+OK, DIFFERENT, USAGE, COULD_NOT_RUN, UNDECIDED, INTERRUPTED = 0, 1, 2, 3, 4, 130
 PERCHED, NOT_PERCHED = OK, DIFFERENT
 
 ENDPOINT = "tcp/127.0.0.1:7447"

@@ -18,7 +18,7 @@ def results(
     flights: Annotated[Path, typer.Option(help="folder of the runs")] = Path("runs/results"),
     page: Annotated[Path, typer.Option(help="the page whose tables are made from the data")] = Path("docs/results.md"),
 ) -> None:
-    """Measure the experiments behind docs/results.md, and write its tables.
+    """Measure the experiments of docs/results.md; write its tables.
 
     All of them take hours. After a stop the same command goes on; what was measured with the networks that ship now
     is kept.

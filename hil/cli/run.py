@@ -89,10 +89,10 @@ def run(
         plan = plan_of(request, wanted)
     except (ConfigError, ContractError, ValueError) as error:
         raise fail(str(error)) from None
-    raise typer.Exit(_fly(request, plan, wanted, as_json))
+    raise typer.Exit(fly_request(request, plan, wanted, as_json))
 
 
-def _fly(request: Request, plan: Plan, seeds: Sequence[int], as_json: bool) -> int:
+def fly_request(request: Request, plan: Plan, seeds: Sequence[int], as_json: bool) -> int:
     """Fly and print; returns the exit code."""
     from rich.console import Console
 

@@ -224,3 +224,12 @@ class Stage:
     name: Annotated[str, "prepare, lead, attempt, ended"]
     attempt_start_ns: Annotated[int, "ns of the run's clock; 0 until known"]
     car_start_ns: Annotated[int, "ns of the run's clock; 0 until known"]
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """Which of the scenario's faults act now, and which have begun so far."""
+
+    stamp_ns: Stamp
+    active: Annotated[tuple[int, ...], "places in the scenario, from 0, of those that act now"]
+    begun: Annotated[tuple[int, ...], "places in the scenario, from 0, of those that have begun"]

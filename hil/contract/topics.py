@@ -33,8 +33,8 @@ _TRUTH = ("vehicle_device", "camera", "mocap")
 TOPICS: dict[str, Topic] = {
     "truth/vehicle": Topic(m.VehicleState, 250, 20, True, ("vehicle_device", "vehicle_link"), _TRUTH),
     "truth/board": Topic(m.BoardState, 250, 20, True, ("car_device", "car_link"), _TRUTH),
-    "mocap/vehicle": Topic(m.VehicleState, 100, 50, True, ("mocap",), ("referee", "vehicle_link")),
-    "mocap/board": Topic(m.BoardState, 100, 50, True, ("mocap",), ("referee", "car_follower")),
+    "mocap/vehicle": Topic(m.VehicleState, 100, 50, True, ("mocap",), ("referee", "vehicle_link", "director")),
+    "mocap/board": Topic(m.BoardState, 100, 50, True, ("mocap",), ("referee", "car_follower", "director")),
     "car/reference": Topic(m.CarReference, 50, 100, True, ("car_follower",), ()),
     "car/command": Topic(m.CarCommand, 50, 100, True, ("car_follower",), ("car_link",)),
     "car/sent": Topic(m.CarCommand, 0, 0, True, ("car_link",), ()),
@@ -43,12 +43,13 @@ TOPICS: dict[str, Topic] = {
     "vehicle/status": Topic(m.VehicleStatus, 10, 500, True, ("vehicle_link",), EVERYONE),
     "vehicle/parameters": Topic(m.VehicleParameters, 0, 0, True, ("vehicle_link",), ()),
     "camera/image": Topic(m.Image, 60, 100, True, ("camera",), ("detector",)),
-    "board/detection": Topic(m.Detection, 60, 0, True, ("detector", "camera"), ("belief",)),
+    "board/detection": Topic(m.Detection, 60, 0, True, ("detector", "camera"), ("belief", "director")),
     "belief": Topic(m.Belief, 100, 50, True, ("belief",), ("policy", "detector")),
     "policy/action": Topic(m.Action, 100, 50, True, ("policy",), ("vehicle_link",)),
     "vehicle/sent": Topic(m.Sent, 100, 50, True, ("vehicle_link",), ("policy",)),
     "referee/contact": Topic(m.Contact, 100, 50, True, ("referee",), ("vehicle_device", "vehicle_link", "director")),
     "run/stage": Topic(m.Stage, 20, 100, True, ("director",), EVERYONE),
+    "run/fault": Topic(m.Faults, 20, 0, True, ("director",), EVERYONE),
     "event": Topic(m.Event, 0, 0, True, EVERYONE, EVERYONE),
 }
 

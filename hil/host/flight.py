@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from hil.assembly.simulation import build, counters
 from hil.contract.graph import check_graph
 from hil.contract.messages import Event, Stage
 from hil.host.failure import why_no_attempt
+from hil.host.landing import Landing
 from hil.host.lockstep import Clock, Lockstep, Tap
 from hil.host.space import check_space
 from hil.recording.foxglove import FoxgloveView
@@ -21,6 +22,7 @@ from hil.recording.provenance import Code
 from hil.recording.receipts import ReceiptBook, Receipted
 from hil.recording.recorder import Recorder, RecordingError
 from hil.recording.runs import SCORE, Run, new_run, policy_identity
+from hil.scoring.flight_class import FlightClass, FlightJudge
 from hil.scoring.score import ABORTED, Score, Scorer
 from hil.wires import WireError
 from policies.task.interface import FlyingPolicy
@@ -32,7 +34,7 @@ Progress = Callable[[int, str], None]
 
 @dataclass(frozen=True)
 class Flight:
-    """What one flight left: its score, its folder, and how fast its attempt ran against virtual time."""
+    """What one flight left: its score, its class, its folder, and how fast its attempt ran against virtual time."""
 
     score: Score
     run: Run
@@ -40,6 +42,7 @@ class Flight:
     failure: str  # why no attempt took place; empty if one did
     counters: Mapping[str, int]  # what was rejected or dropped on the way
     interrupted: bool
+    flight_class: FlightClass | None = None  # None if it was interrupted
 
 
 class _Watch:
@@ -118,7 +121,8 @@ def fly(
         code=code,
         more={"clearance": dict(clearance or {})},
     )
-    scorer, watch = Scorer(scenario, seed), _Watch(progress)
+    scorer, watch, judge = Scorer(scenario, seed), _Watch(progress), flight_judge(scenario, rig)
+    landing = Landing(simulation.nodes, judge, watched=bool(scenario.fault))
     state, lost, now_ns, wall = "failed", "", 0, time.perf_counter()
     try:
         view = FoxgloveView(simulation.camera, pictures, scenario.board.size)
@@ -131,16 +135,25 @@ def fly(
                 recorder(now, topic, message)
                 scorer(now, topic, message)
                 watch(now, topic, message)
+                judge(now, topic, message)
+                landing(now, topic, message)
                 if viewer is not None:
                     viewer(now, topic, message)
 
             run.begin(datetime.now(UTC))
+
+            def over(now: int) -> bool:
+                before, done = landing.trouble, landing.over(now, watch.stage)
+                if landing.trouble != before:
+                    tap(now, "event", Event(now, "warning", "supervisor", f"{ABORTED}{landing.trouble}"))
+                return done
+
             host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
             ended = "finished"
             try:
                 simulation.wires.start(run.path)
-                now_ns = host.run(lambda _: watch.stage == "ended")
-                ended = "failed" if watch.failure else "finished"
+                now_ns = host.run(over)
+                ended = "failed" if landing.trouble or watch.failure else "finished"
             except KeyboardInterrupt:
                 now_ns, ended = clock.now_ns, "interrupted"
                 tap(now_ns, "event", Event(now_ns, "warning", "supervisor", f"{ABORTED}{ended}"))
@@ -153,12 +166,28 @@ def fly(
         for node in simulation.nodes:
             node.close()
         simulation.wires.close()
-        score = scorer.result()
+        found = None if state == "interrupted" else judge.result(landing.motors_off, lost or landing.trouble)
+        score = with_faults_said(scorer.result(), found)
+        told = {**score.as_dict(), **({"flight": found.as_dict()} if found else {})}
         fault = run.finish(
-            state, datetime.now(UTC), {SCORE: score.as_dict()},
-            wall_s=time.perf_counter() - wall, virtual_s=now_ns * 1e-9,
-        )  # fmt: skip
+            state, datetime.now(UTC), {SCORE: told}, wall_s=time.perf_counter() - wall, virtual_s=now_ns * 1e-9
+        )
     if fault:
         raise RecordingError(fault)
-    failure = "" if state == "interrupted" else lost or watch.failure
-    return Flight(score, run, watch.real_time_factor, failure, counters(simulation.nodes), state == "interrupted")
+    failure = "" if state == "interrupted" else lost or landing.trouble or watch.failure
+    return Flight(
+        score, run, watch.real_time_factor, failure, counters(simulation.nodes), state == "interrupted", found
+    )
+
+
+def flight_judge(scenario: Scenario, rig: Rig) -> FlightJudge:
+    """What gives the flight its class."""
+    titles = [f"{fault.title} ({fault.condition.text})" for fault in scenario.fault]
+    return FlightJudge((rig.gate.x, rig.gate.y, rig.gate.z), scenario.board.size, titles)
+
+
+def with_faults_said(score: Score, found: FlightClass | None) -> Score:
+    """The score, whose reasons say which faults did not happen: the flight then says nothing about them."""
+    titles = found.not_begun if found else ()
+    missing = [f"the fault did not happen, the flight does not count: {title}" for title in titles]
+    return replace(score, reasons=(*score.reasons, *missing))

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from hil.assembly.plan import Plan
+from hil.host.flight import flight_judge, with_faults_said
 from hil.live.latency import latencies
 from hil.live.latency import table as latency_table
 from hil.live.load import load_now, load_table
 from hil.recording.reader import ReadError, Recording
 from hil.recording.runs import Run
+from hil.scoring.flight_class import READ, FlightClass
 from hil.scoring.score import SCORED, Score, score_messages
 
 _READ = (*SCORED, "policy/action")
@@ -27,14 +29,19 @@ class Ended:
         self.before = self.after = load_now()
 
 
-def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[str, Any]]:
-    """Score and timing from the recording. A run that was interrupted or failed is no verdict on its policy."""
+def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[str, Any], FlightClass | None]:
+    """Score, timing and class from the recording. A run that was interrupted or failed is no verdict on its policy; one
+    that did not wait for the vehicle's landing has no class."""
+    found: FlightClass | None = None
     aborted = ended.trouble or ("interrupted" if ended.interrupted else "")
     try:
         recording = Recording(run.recording)
         messages = list(recording.messages([t for t in _READ if "/perch/" + t in recording.topics]))
         score = score_messages(plan.scenario, seed, messages, aborted)
         latency = latency_table(latencies(messages))
+        if not ended.interrupted and (ended.trouble or plan.scenario.fault or not plan.rig.simulated):
+            found = _class(recording, plan, ended.trouble or ended.failure)
+            score = with_faults_said(score, found)
     except ReadError as error:
         ended.trouble = ended.trouble or str(error)
         score, latency = score_messages(plan.scenario, seed, (), ended.trouble), {"count": 0}
@@ -47,7 +54,15 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
         "remarks": ended.remarks,
         "services": {name: _kept(one) for name, one in sorted(ended.health.items())},
     }
-    return score, table
+    return score, table, found
+
+
+def _class(recording: Recording, plan: Plan, trouble: str) -> FlightClass:
+    one, armed = flight_judge(plan.scenario, plan.rig), False
+    for log_ns, topic, message in recording.messages([t for t in READ if "/perch/" + t in recording.topics]):
+        one(log_ns, topic, message)
+        armed = message.armed if topic == "vehicle/status" else armed
+    return one.result(not armed, trouble)
 
 
 def _kept(table: dict[str, Any]) -> dict[str, Any]:

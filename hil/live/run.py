@@ -110,16 +110,17 @@ def fly_live(
         state = "interrupted" if ended.interrupted else "failed" if ended.trouble or ended.failure else "finished"
     finally:
         leaked = remove_orphaned_memory(supervisor.memory)
-        score, table = judge(run, plan, seed, ended)
+        score, table, found = judge(run, plan, seed, ended)
         table["shared_memory_removed"] = len(leaked)
-        files = {"live.json": table, SCORE: score.as_dict()}
+        told = {**score.as_dict(), **({"flight": found.as_dict()} if found else {})}
+        files = {"live.json": table, SCORE: told}
         fault = run.finish(state, datetime.now(UTC), files, wall_s=time.perf_counter() - wall)
         ended.trouble = ended.trouble or fault  # a full disk: the result is returned all the same
     counters: dict[str, int] = {}
     for one in ended.health.values():
         for name, count in one.get("counters", {}).items():
             counters[name] = counters.get(name, 0) + count
-    flight = Flight(score, run, None, ended.trouble or ended.failure, counters, ended.interrupted)
+    flight = Flight(score, run, None, ended.trouble or ended.failure, counters, ended.interrupted, found)
     return LiveFlight(flight, table)
 
 
@@ -187,7 +188,7 @@ def _fly(
         if ended.trouble or ended.interrupted:
             if events is not None:
                 bring_down(supervisor, ended)
-        elif not plan.rig.simulated:
+        elif not plan.rig.simulated or plan.scenario.fault:
             await_drivers(supervisor)
         if events is not None:
             events.take()

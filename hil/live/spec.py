@@ -38,7 +38,7 @@ class LiveSpec(BaseModel):
 
     def plan(self) -> Plan:
         """Scenario, rig and policy, read and checked. Raises ConfigError, ContractError or ValueError."""
-        return Plan(self.scenario, self.rig, self.policy, self.camera)
+        return Plan(self.scenario, self.rig, self.policy, self.camera, live=True)
 
     def draw(self, plan: Plan) -> Drawn:
         """The run's drawn numbers."""

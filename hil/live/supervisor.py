@@ -28,7 +28,7 @@ from hil.live.orphaned import mapped_memory
 from hil.live.process import Process
 from hil.live.run_clock import clock_fault
 from hil.live.spec import disagreement
-from hil.safety.topic_liveness import liveness_fault
+from hil.safety.topic_liveness import NOT_WATCHED, liveness_fault
 from hil.scoring.score import ABORTED
 from vehicle.px4.driver.arming import Arming
 
@@ -37,9 +37,6 @@ _BEAT_S = 0.2
 _STOP_S = 4.0
 _GRACE_S = 2.0  # from SIGTERM to SIGKILL
 _RECORDER_S, _RECORDER_GRACE_S = 15.0, 6.0  # it still has to write the last messages
-# Not watched: large; or not published, by design, once the gate has tripped or the referee has decided; or frequent and
-# of simulated devices, whose health is received twice a second like that of every service
-_NOT_WATCHED = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
 
 
 class SupervisorError(RuntimeError):
@@ -90,7 +87,7 @@ class Supervisor:
                     raise SupervisorError(str(error)) from None
         self._bus.on_table(HEALTH + "*", self._book.note)
         self.floods = Floods(self._bus, self.health)
-        watched = [t for t, row in TOPICS.items() if row.hz and t not in _NOT_WATCHED]
+        watched = [t for t, row in TOPICS.items() if row.hz and t not in NOT_WATCHED]
         self._received = self._bus.ages(watched, self.floods.counts)
         return self._bus
 

@@ -22,7 +22,8 @@ def motion_of(state: VehicleState | BoardState, at_ns: int) -> np.ndarray:
 
 
 class CameraSim(Node):
-    """Renders from the lead stage on (none is used before) and stamps each picture with the middle of its exposure."""
+    """Renders from the lead stage to the run's end (no other is used) and stamps each picture with the middle of its
+    exposure."""
 
     name = "camera"
     inputs = ("truth/vehicle", "truth/board", "run/stage")
@@ -43,7 +44,7 @@ class CameraSim(Node):
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         vehicle, board = inbox.latest("truth/vehicle"), inbox.latest("truth/board")
         stage: Stage | None = inbox.latest("run/stage")
-        if vehicle is None or board is None or stage is None or stage.name == "prepare":
+        if vehicle is None or board is None or stage is None or stage.name in ("prepare", "ended"):
             return []
         exposed_ns = now_ns - self._drawn_after_ns
         pixels = self._renderer.render(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from groundcar.motion import board_row
 from groundcar.motion.pose import board_position, board_quaternion, board_velocity
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import ScoutLink, WrongProtocolError
-from groundcar.scout.follower import Follower
+from groundcar.scout.follower import Follower, RecordedFollower
 from groundcar.scout.sim import ScoutSim
 from hil.contract.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage
 from hil.contract.node import Inbox, Node, Out
@@ -34,7 +36,7 @@ class CarFollower(Node):
     outputs = ("car/reference", "car/command")
     period_ns = CONTROL_PERIOD_NS
 
-    def __init__(self, follower: Follower) -> None:
+    def __init__(self, follower: Follower | RecordedFollower) -> None:
         self._follower = follower
         self._asked = (0.0, 0.0)
         self._refused = 0
@@ -163,20 +165,52 @@ class CarLink(Node):
         return checked
 
 
+class BoardRide(Protocol):
+    """How the board moves on its car."""
+
+    def at(self, seconds: float, since_start: float | None, /) -> tuple[float, float, float]:
+        """(height m, its rate m/s, inclination rad) at `seconds` of the run, `since_start` s after the car set off."""
+        ...
+
+
+class RecordedBoard(Protocol):
+    """A recorded motion; see `groundcar.motion.recorded.RecordedMotion`."""
+
+    def at(self, seconds: float, /) -> np.ndarray: ...
+
+
 class CarDevice(Node):
-    """The simulated Scout Mini and the board it carries."""
+    """The simulated Scout Mini and the board it carries. With a recorded motion something else carries the car along
+    it, from the moment at which it sets off."""
 
     name = "car_device"
+    inputs = ("run/stage",)
     outputs = ("truth/board",)
     period_ns = 4_000_000
 
-    def __init__(self, sim: ScoutSim, height: float, inclination: float) -> None:
-        """`height` of the board's centre in m, `inclination` in rad."""
-        self._sim, self._height, self._inclination = sim, height, inclination
+    def __init__(self, sim: ScoutSim, ride: BoardRide, recorded: RecordedBoard | None = None) -> None:
+        self.sim, self._ride, self._recorded = sim, ride, recorded
+        if recorded is None:
+            self.inputs = ()
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
-        self._sim.step(now_ns)
-        return [Out("truth/board", board_of(now_ns, self._sim.board_row(self._height, self._inclination)))]
+        since: float | None = None
+        self.sim.step(now_ns)
+        if self._recorded is not None:
+            stage: Stage | None = inbox.latest("run/stage")
+            since = (now_ns - stage.car_start_ns) * 1e-9 if stage is not None and stage.car_start_ns else 0.0
+            row = self._recorded.at(since)
+            moving = since > 0.0 and (stage is None or stage.name != "ended")
+            speed, turn_rate = (float(row[board_row.SPEED]), float(row[board_row.TURN_RATE])) if moving else (0.0, 0.0)
+            self.sim.carry(
+                float(row[board_row.X]), float(row[board_row.Y]), float(row[board_row.HEADING]), speed, turn_rate
+            )
+        height, rate, inclination = self._ride.at(now_ns * 1e-9, since)
+        board = board_of(now_ns, self.sim.board_row(height, inclination))
+        if rate:
+            x, y, _ = board.velocity
+            board = replace(board, velocity=(x, y, rate))
+        return [Out("truth/board", board)]
 
 
 def board_of(stamp_ns: int, row: np.ndarray) -> BoardState:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hil.contract.messages import BoardState, Contact, Event, Stage, VehicleState
@@ -22,8 +24,9 @@ class Referee(Node):
     outputs = ("referee/contact", "event")
     wakes = ("mocap/vehicle",)
 
-    def __init__(self, rules: rule.ContactRules, disc: ContactGeometry, inclination: float) -> None:
-        """`inclination` in rad: the board's set angle, which motion capture also measures but the car's heading not."""
+    def __init__(self, rules: rule.ContactRules, disc: ContactGeometry, inclination: float | None) -> None:
+        """`inclination` in rad: the board's set angle; None where the board tilts or heaves: its angle and its vertical
+        speed are then taken from motion capture."""
         self._rules = rules.row(disc)
         self._inclination = inclination
         self._result = np.zeros(result_row.DIM)
@@ -39,10 +42,11 @@ class Referee(Node):
             return [Out("referee/contact", self._decided)]
         if abs(vehicle.stamp_ns - board.stamp_ns) > _TOGETHER_NS or later_than_now(vehicle.stamp_ns, now_ns):
             return []  # a body that is hidden, or a broken stamp: a contact cannot be judged by where it was
-        board_row = np.array([*board.position, board.heading, board.speed, board.turn_rate, self._inclination, 0.0])
+        inclination, rise = (self._inclination, 0.0) if self._inclination is not None else _moving(board)
+        board_row = np.array([*board.position, board.heading, board.speed, board.turn_rate, inclination, 0.0])
         rule.evaluate(
             np.array(vehicle.position),
-            np.array(vehicle.velocity),
+            np.array(vehicle.velocity) - (0.0, 0.0, rise),
             np.array(vehicle.orientation),
             np.array(vehicle.body_rate),
             board_row,
@@ -72,3 +76,9 @@ class Referee(Node):
             Out("referee/contact", contact),
             Out("event", Event(now_ns, "info", self.name, f"{seen.outcome}{why}, {held}")),
         ]
+
+
+def _moving(board: BoardState) -> tuple[float, float]:
+    """(inclination rad, vertical speed m/s) as measured."""
+    _, x, y, _ = board.orientation
+    return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))), board.velocity[2]

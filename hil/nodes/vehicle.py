@@ -24,7 +24,6 @@ from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
 from vehicle.px4.sim.truth import Quat, Truth, Vec3
-from vehicle.quadrotor.wind import Wind
 
 STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
@@ -217,6 +216,12 @@ class Body(Protocol):
     def attach(self, position: Vec3, orientation: Quat, stamp_ns: int, velocity: Vec3, turn_rate: float, /) -> None: ...
 
 
+class Air(Protocol):
+    """What moves the air; see `vehicle.quadrotor.wind.Wind`."""
+
+    def at(self, now_ns: int, /) -> tuple[float, float, float]: ...
+
+
 class VehicleDevice(Node):
     """A simulated vehicle with its autopilot; when the magnet holds, the vehicle rides on the board."""
 
@@ -225,22 +230,23 @@ class VehicleDevice(Node):
     outputs = ("truth/vehicle",)
     period_ns = 4_000_000
 
-    def __init__(self, sim: Body, wind: Wind | None = None) -> None:
-        self._sim, self._wind = sim, wind
+    def __init__(self, sim: Body, wind: Air | None = None) -> None:
+        self.sim: Body = sim
+        self.wind: Air | None = wind
 
     @property
     def safe(self) -> bool:
         """Whether it is disarmed: until then its driver needs it."""
-        return not self._sim.truth().armed
+        return not self.sim.truth().armed
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         contact: Contact | None = inbox.latest("referee/contact")
         board: BoardState | None = inbox.latest("truth/board")
         if contact is not None and contact.attached and board is not None:
-            self._sim.attach(board.position, board.orientation, board.stamp_ns, board.velocity, board.turn_rate)
-        if self._wind is not None:
-            self._sim.set_wind(self._wind.at(now_ns))
-        self._sim.step(now_ns)
-        truth = self._sim.truth()
+            self.sim.attach(board.position, board.orientation, board.stamp_ns, board.velocity, board.turn_rate)
+        if self.wind is not None:
+            self.sim.set_wind(self.wind.at(now_ns))
+        self.sim.step(now_ns)
+        truth = self.sim.truth()
         state = VehicleState(now_ns, truth.position, truth.velocity, truth.orientation, truth.body_rate)
         return [Out("truth/vehicle", state)]

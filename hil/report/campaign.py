@@ -13,12 +13,16 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from hil.campaign.classes import classified
 from hil.campaign.lines import Group, Line, gather
+from hil.campaign.power import detectable
+from hil.campaign.require import Decision
 from hil.recording.manifest import nested
 from hil.recording.runs import Run
-from hil.report.comparison_table import comparison_table
+from hil.report.comparison_table import comparison_table, decision_table
 from hil.report.drawing.section import table
 from hil.report.drawing.svg import Plane
+from hil.report.fault_table import fault_section
 from hil.report.page import asset, template
 from hil.report.sections.paper_row import number, yes
 from hil.report.verdict import WHY
@@ -37,14 +41,28 @@ _MEDIANS = (  # metric, digits
 )  # fmt: skip
 
 
-def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "", folder: Path | None = None) -> str:
+def render(
+    runs: Sequence[Run],
+    title: str = "Campaign",
+    baseline: str = "",
+    folder: Path | None = None,
+    *,
+    confidence: float = CONFIDENCE,
+    decisions: Sequence[Decision] = (),
+    remarks: Sequence[str] = (),
+) -> str:
     """The campaign's page. `baseline`: name of the policy that the others are compared with, the first if empty.
+    `decisions`: what its flights say of the requirements on it. `remarks`: shown above everything.
 
     A run whose report is written is linked to it from the page's `folder`, the runs' own if None.
-    Raises ValueError if not one run has a verdict.
+    Raises ValueError if not one run has a verdict. Flights with faults are counted by class, in a table of their own.
     """
-    lines, skipped = gather(runs)
-    if not lines:
+    every, skipped = gather(runs)
+    flights = classified(runs)
+    with_faults = {flight.name for flight in flights}
+    lines = [line for line in every if line.name not in with_faults]
+    skipped = [text for text in skipped if text.partition(":")[0] not in with_faults]
+    if not lines and not flights:
         raise ValueError(f"none of the {len(runs)} runs has a verdict: there is nothing to count")
     groups: dict[Group, list[Line]] = {}
     for line in sorted(lines, key=lambda line: (line.group, line.name)):
@@ -53,6 +71,7 @@ def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "", fol
     links = _links(runs, folder)
     commits = sorted({line.commit for line in lines})
     mixed = [f"These runs are of different code: {', '.join(commits)}."] if len(commits) > 1 else []
+    mixed = [*remarks, *mixed]
     mixed += [
         f"{group.scenario} with {group.policy}: {len(found) - len(seeds)} runs repeat a seed and count once more."
         for group, found in groups.items()
@@ -61,15 +80,17 @@ def render(runs: Sequence[Run], title: str = "Campaign", baseline: str = "", fol
     return template("campaign.html.j2").render(
         title=title,
         css=Markup(asset("report.css")),
-        runs=len(lines),
-        confidence=round(100 * CONFIDENCE),
+        runs=len(lines) + len(flights),
+        confidence=f"{100 * confidence:g}",
         skipped=skipped,
         again=again,
         linked=len(links) == len(runs),
         mixed=mixed,
-        scenarios=len({group.scenario for group in groups}),
-        summary=_summary(groups),
-        comparison=comparison_table(lines, baseline, CONFIDENCE),
+        scenarios=len({group.scenario for group in groups} | {flight.scenario for flight in flights}),
+        summary=_summary(groups, confidence) if groups else "",
+        comparison=comparison_table(lines, baseline, confidence),
+        decisions=decision_table(decisions),
+        faults=fault_section(flights),
         groups=[_group(group, found, links) for group, found in groups.items()],
     )
 
@@ -99,26 +120,28 @@ def _links(runs: Sequence[Run], folder: Path | None) -> dict[str, str]:
     return found
 
 
-def _summary(groups: dict[Group, list[Line]]) -> Markup:
+def _summary(groups: dict[Group, list[Line]], confidence: float) -> Markup:
     rows: list[tuple[object, ...]] = []
     for about, group in groups.items():
         counts = [sum(line.verdict == PERCHED for line in group)]
         counts += [sum(bool(line.score[key]) for line in group) for key in ("within_tolerance", "attached")]
-        rates = [_rate(count, len(group)) for count in counts]
+        rates = [_rate(count, len(group), confidence) for count in counts]
+        least = detectable(len(group), counts[1] / len(group), confidence)
+        rates.append(Markup("–") if least is None else Markup("{}").format(f"{100 * least:.0f} points"))
         medians = [number(_median([line.score["metrics"][key] for line in group]), digits) for key, digits in _MEDIANS]
         told = [about.identity, *(text for text in (about.camera, about.rig) if text not in ("unknown", ""))]
         tag = Markup(' <span class="tag">{}</span>').format(", ".join(told))
         link = Markup('<a href="#{}">{}</a>').format(about.ident, about.scenario) + tag
         rows.append((link, about.policy, *rates, *medians))
     head = (
-        "scenario", "policy", "perched", "within tolerance", "attached", "planar m", "normal deg", "tangential m/s",
-        "impact m/s", "time s",
+        "scenario", "policy", "perched", "within tolerance", "attached", "could have seen", "planar m", "normal deg",
+        "tangential m/s", "impact m/s", "time s",
     )  # fmt: skip
     return table(head, rows, "campaign")
 
 
-def _rate(successes: int, runs: int) -> Markup:
-    low, high = interval(successes, runs, CONFIDENCE)
+def _rate(successes: int, runs: int, confidence: float) -> Markup:
+    low, high = interval(successes, runs, confidence)
     left, width, tick = 100 * low, 100 * (high - low), 100 * successes / runs
     return Markup(
         '{} of {} <span class="small">({}–{} %)</span>'

@@ -8,8 +8,10 @@ from typing import Any
 from markupsafe import Markup
 
 from hil.campaign.lines import Line
+from hil.campaign.power import detectable_gain
+from hil.campaign.require import Decision
 from hil.report.drawing.section import table
-from hil.scoring.comparison import pair, words
+from hil.scoring.comparison import Pairs, pair, words
 
 Conditions = tuple[str, str, Any]  # scenario, camera and rig, seed
 
@@ -35,7 +37,7 @@ def comparisons(lines: Sequence[Line], baseline: str, confidence: float) -> list
         scenarios = sorted({key[0] for key in first.keys() & second.keys()})
         for scenario in [*scenarios, *(["all"] if len(scenarios) > 1 else [])]:
             pairs = pair(_of(first, scenario), _of(second, scenario))
-            rows.append((name, names[0], scenario, words(pairs, confidence)))
+            rows.append((name, names[0], scenario, words(pairs, confidence) + _could_see(pairs, confidence)))
     return rows
 
 
@@ -43,6 +45,27 @@ def comparison_table(lines: Sequence[Line], baseline: str, confidence: float) ->
     """The same as a table; empty if there is only one policy."""
     rows: list[tuple[object, ...]] = [*comparisons(lines, baseline, confidence)]
     return table(("policy", "against", "scenario", "within tolerance"), rows, "left") if rows else Markup("")
+
+
+def _could_see(pairs: Pairs, confidence: float) -> str:
+    """The smallest gain that so many pairs show in four of five campaigns."""
+    if not pairs.runs:
+        return ""
+    least = detectable_gain(pairs.runs, (pairs.only_first + pairs.only_second) / pairs.runs, confidence)
+    return "; could have seen no difference" if least is None else f"; could have seen {100 * least:.0f} points"
+
+
+def decision_table(decisions: Sequence[Decision]) -> Markup:
+    """What the flights say of the requirements; empty without any."""
+    rows: list[tuple[object, ...]] = [
+        (
+            one.requirement, one.scenario, one.policy, Markup("<b>{}</b>").format(one.outcome),
+            f"{one.estimate:.3f} ({one.low:.3f} to {one.high:.3f})", one.runs, f"{one.p_met:.3g}", f"{one.p_not:.3g}",
+        )
+        for one in decisions
+    ]  # fmt: skip
+    head = ("requirement", "scenario", "policy", "outcome", "estimate", "flights", "p if not so", "p if so")
+    return table(head, rows, "left") if rows else Markup("")
 
 
 def _of(results: Mapping[Conditions, bool], scenario: str) -> dict[Conditions, bool]:

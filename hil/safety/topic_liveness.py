@@ -9,6 +9,9 @@ from hil.contract.topics import TOPICS
 
 AGE_LIMIT_S = 1.0  # a topic older than this, or than ten times its contract's age, is an abort
 HEALTH_AGE_S = 0.9  # services publish their health twice a second
+# Not watched: large; or not published, by design, once the gate has tripped or the referee has decided; or frequent and
+# of simulated devices, whose health is received twice a second like that of every service
+NOT_WATCHED = ("camera/image", "vehicle/sent", "truth/vehicle", "truth/board")
 RECORDER_AGE_S = 2.0  # it writes in bursts, and no process waits for it
 
 

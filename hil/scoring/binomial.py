@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from scipy import special
 
 
 def interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -15,8 +15,8 @@ def interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence is {confidence}: it must lie between 0 and 1")
     tail = (1.0 - confidence) / 2.0
-    low = 0.0 if successes == 0 else _solve(lambda p: at_least(successes, runs, p) - tail)
-    high = 1.0 if successes == runs else _solve(lambda p: tail - (1.0 - at_least(successes + 1, runs, p)))
+    low = 0.0 if successes == 0 else float(special.betaincinv(successes, runs - successes + 1, tail))
+    high = 1.0 if successes == runs else float(special.betaincinv(successes + 1, runs - successes, 1.0 - tail))
     return low, high
 
 
@@ -24,28 +24,4 @@ def at_least(k: int, n: int, p: float) -> float:
     """P(X >= k) for X ~ Binomial(n, p)."""
     if k <= 0:
         return 1.0
-    if p <= 0.0 or p >= 1.0:
-        return float(p >= 1.0)
-    log_p, log_q = math.log(p), math.log1p(-p)
-
-    def term(i: int) -> float:
-        choose = math.lgamma(n + 1) - math.lgamma(i + 1) - math.lgamma(n - i + 1)
-        return math.exp(choose + i * log_p + (n - i) * log_q)
-
-    # the shorter sum, so that no digits are lost to a subtraction from one
-    if k > n * p:
-        return math.fsum(term(i) for i in range(k, n + 1))
-    return 1.0 - math.fsum(term(i) for i in range(k))
-
-
-def _solve(rising) -> float:
-    """The root in (0, 1) of a function that rises from below zero to above."""
-    low, high = 0.0, 1.0
-    while True:
-        middle = (low + high) / 2
-        if middle in (low, high):
-            return middle
-        if rising(middle) < 0.0:
-            low = middle
-        else:
-            high = middle
+    return 0.0 if k > n else float(special.betainc(k, n - k + 1, p))

@@ -31,10 +31,12 @@ class Pairs:
         return (self.only_second - self.only_first) / self.runs if self.runs else 0.0
 
     def gain_interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Exact given how many pairs differ (Clopper-Pearson on these): contains 0 unless a sign test rejects."""
+        """Exact given how many pairs differ (Clopper-Pearson on these): contains 0 unless a sign test rejects. Where
+        none differs, what so many equal pairs leave open: the exact limit of the share that differs."""
         differ = self.only_first + self.only_second
         if not differ:
-            return 0.0, 0.0
+            most = interval(0, self.runs, confidence)[1] if self.runs else 1.0
+            return -most, most
         low, high = interval(self.only_second, differ, confidence)
         return (2 * low - 1) * differ / self.runs, (2 * high - 1) * differ / self.runs
 
@@ -58,9 +60,10 @@ def pair(first: Mapping[Key, bool], second: Mapping[Key, bool]) -> Pairs:
 
 def words(pairs: Pairs, confidence: float = 0.95) -> str:
     """`better: +20 points (+2 to +35), 5 of 20 seeds gained, 1 lost`."""
-    if not pairs.only_first + pairs.only_second:
-        return pairs.verdict(confidence) + (f", {pairs.runs} of them" if pairs.runs else "")
     low, high = (100 * bound for bound in pairs.gain_interval(confidence))
+    if not pairs.only_first + pairs.only_second:
+        left = f", {pairs.runs} of them: +0 points ({low:+.0f} to {high:+.0f})" if pairs.runs else ""
+        return pairs.verdict(confidence) + left
     return (
         f"{pairs.verdict(confidence)}: {100 * pairs.gain:+.0f} points ({low:+.0f} to {high:+.0f}), of {pairs.runs} "
         f"seeds {pairs.only_second} gained, {pairs.only_first} lost"

@@ -23,7 +23,7 @@ PARSED_ONLY = {
     r"run .*--view|runs view (?!.*--save)": "opens a window",
     r"run .*--seeds": "many flights: tests/e2e/test_scenarios.py",
     r"run (hard-i|normal-ii)": "flights with pictures: tests/e2e/test_scenarios.py",
-    r"campaign": "many flights: tests/e2e/test_campaign.py",
+    r"campaign|refly": "many flights: tests/e2e/test_campaign.py",
     r"check .*--rig|rig check \w+\.toml": "needs the device: tests/unit/hil/bench, tests/e2e/test_live_devices.py",
     r"bus (hub|node|status)": "needs another process: tests/e2e/test_live_hosts.py",
     r"policy train": "an hour: `make train`, tests/unit/hil/cli/test_train.py",

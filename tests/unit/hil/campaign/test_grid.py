@@ -15,6 +15,7 @@ from hil.campaign.grid import CampaignError, Grid, Job, Result, check, fly_all, 
 from hil.recording.provenance import Code
 from hil.recording.runs import SCORE, RunError, new_run, policy_identity, write_json
 from scenarios.draw import MAX_SEED
+from scenarios.faults import FaultTable
 
 CODE = Code("git", "0.1.0", "a" * 40)
 WHEN = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
@@ -25,16 +26,16 @@ def grid(tmp_path):
     return Grid(("simple-i", "hard-i"), ("planner", "planner-analytic"), range(3), "sim", "model", "none", tmp_path)
 
 
-def flown(grid, job, outcome="success", state="finished", **changes):
+def flown(grid, job, outcome="success", state="finished", flight=None, **changes):
     """A run of `job` as a campaign leaves it."""
-    plan = campaign_grid._plan(job.scenario, grid.rig, job.policy, grid.camera)
+    plan = campaign_grid._plan_of(grid, job)
     scenario = {**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name}
     run = new_run(
         grid.out, scenario={**scenario, **changes}, rig={**plan.rig.model_dump(mode="json"), "name": "sim"},
         seed=job.seed, host="lockstep", policy=policy_identity(job.policy), simulated=True, started_utc=WHEN, code=CODE,
     )  # fmt: skip
     if outcome:
-        write_json(run.path / SCORE, {"outcome": outcome})
+        write_json(run.path / SCORE, {"outcome": outcome, **({"flight": flight} if flight else {})})
     run.finish(state, WHEN)
     return run
 
@@ -87,6 +88,24 @@ def test_policy_is_identified_by_the_content_of_its_file(grid, tmp_path):
     assert len(keys) == 1
     b.write_bytes(b"two")
     assert campaign_grid._key({}, {}, policy_identity(str(b)), 0) not in keys
+
+
+FAULTS = tuple(FaultTable(kind=kind) for kind in ("mavlink.down", "policy.nan"))
+
+
+def test_every_fault_is_a_job_of_its_own_on_every_scenario_and_seed(grid):
+    jobs = check(replace(grid, faults=FAULTS))
+    assert len(jobs) == len(set(jobs)) == 24
+    assert {job.fault for job in jobs} == {"mavlink.down", "policy.nan"}
+    assert {job.seed for job in jobs[:8]} == {0}
+
+
+def test_flight_with_a_fault_is_flown_once_it_has_a_class(grid):
+    grid = replace(grid, faults=FAULTS)
+    jobs = check(grid)
+    flown(grid, jobs[0], outcome="incomplete", state="failed", flight={"class": "aborted and landed"})
+    flown(grid, jobs[1], outcome="incomplete", state="failed")
+    assert left_to_do(grid, jobs) == jobs[1:]
 
 
 @given(st.recursive(st.integers() | st.text(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
@@ -157,8 +176,9 @@ def test_exception_of_a_flight_is_reported_and_later_interrupts_are_ignored(grid
 def test_flight_without_an_attempt_counts_as_failure_and_not_as_miss(grid, monkeypatch):
     score = SimpleNamespace(verdict="missed", reasons=())
     flight = SimpleNamespace(
-        interrupted=False, run=SimpleNamespace(recording=grid.out / "none"), score=score, failure="no GPS"
-    )
+        interrupted=False, run=SimpleNamespace(recording=grid.out / "none"), score=score, failure="no GPS",
+        flight_class=None,
+    )  # fmt: skip
     before = signal.getsignal(signal.SIGINT)
     monkeypatch.setattr(campaign_grid, "fly", lambda *_, **__: flight)
     try:

@@ -116,7 +116,7 @@ def test_runs_without_a_subcommand_lists_runs(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words", [[], ["run"], ["campaign"], ["check"], ["bus", "node"], ["runs", "replay"], ["policy", "evaluate"]]
+    "words", [[], ["run"], ["campaign", "fly"], ["check"], ["bus", "node"], ["runs", "replay"], ["policy", "evaluate"]]
 )
 def test_help_names_every_policy_that_can_fly(words):
     reported = "".join(call(*words, "--help").stdout.split())  # help texts are broken at spaces and hyphens
@@ -140,7 +140,7 @@ def test_option_has_the_same_help_in_every_command():
                 assert OPTIONS[name] in option.help, (command.name, name)
                 found[name].add(command.name)
             assert not {"--connect", "--listen", "--checks", "--hub"} & set(option.opts), command.name
-    assert {"run", "campaign", "check", "scenarios", "list", "diff", "status", "evaluate"} <= found["--json"]
+    assert {"run", "fly", "check", "scenarios", "list", "diff", "status", "evaluate"} <= found["--json"]
     assert {"run", "check", "hub", "node", "status"} <= found["--endpoint"]
     assert found["--records"] == {"run", "check"}
 

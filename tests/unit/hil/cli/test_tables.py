@@ -84,7 +84,7 @@ def test_run_and_scenario_tables_fit_80_columns(name):
 
 def test_campaign_table_has_one_line_per_group():
     group = {"scenario": "normal-ii", "policy": "planner-analytic", "camera": "pictures", "rig": "", "runs": 100}
-    lines = shown(_table([{**group, "within_tolerance": 99, "attached": 100}]))
+    lines = shown(_table([{**group, "within_tolerance": 99, "attached": 100}], 0.95))
     (line,) = [line for line in lines if "normal-ii" in line]
     assert "planner-analytic" in line and "99 of 100 (95-100 %)" in line and "100 of 100" in line
 

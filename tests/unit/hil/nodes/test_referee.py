@@ -112,3 +112,14 @@ def test_no_contact_is_judged_by_samples_of_different_times_or_of_the_future(shi
     assert judge(referee, START, seen, board_state=below) == []
     contact, _ = judge(referee, START, touching)
     assert contact.attached, "sound samples are judged again"
+
+
+def test_tilting_board_is_judged_as_motion_capture_measures_it():
+    rising = BoardState(START, (0.0, 0.0, 1.5), (0.0, 0.0, 0.3), from_euler(0.0, -TILT, 0.0), 0.0, 0.0, 0.0)
+    state = vehicle(gap=-0.001)
+    risen = VehicleState(
+        START, state.position, (state.velocity[0], 0.0, state.velocity[2] + 0.3), state.orientation, (0.0,) * 3
+    )
+    contact, _ = judge(Referee(RULES, DISC, None), START, risen, board_state=rising)
+    assert contact.within_tolerance and contact.normal_speed == pytest.approx(-0.5, abs=1e-6)
+    assert judge(Referee(RULES, DISC, math.radians(20.0)), START, risen, board_state=rising)[0].outcome != "success"

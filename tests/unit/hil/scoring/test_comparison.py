@@ -46,7 +46,7 @@ def test_comparison_uses_only_common_conditions(first, second):
 
 def test_comparison_is_described_in_words():
     assert words(pair({}, {})) == "no common seed"
-    assert words(Pairs(3, 0, 0, 2)) == "equal on every seed, 5 of them"
+    assert words(Pairs(3, 0, 0, 2)) == "equal on every seed, 5 of them: +0 points (-52 to +52)"
     assert words(Pairs(0, 0, 6, 4)).startswith("better: +60 points (+5 to +60), of 10 seeds 6 gained, 0 lost")
     assert words(Pairs(0, 6, 0, 4)).startswith("worse: -60 points (-60 to -5)")
     assert words(Pairs(0, 0, 5, 5)).startswith("no difference shown: +50 points")
