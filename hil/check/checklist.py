@@ -81,8 +81,8 @@ class Item(_Table):
 
     def applies(self, rig: Rig) -> bool:
         """False if it is for the other kind of rig."""
-        slot = getattr(rig, self.device) if self.device else rig
-        simulated = getattr(slot, "simulated", None)
+        slot: Any = getattr(rig, self.device) if self.device else rig
+        simulated = getattr(slot, "simulated", None)  # of a slot that has other simulated kinds than sim
         if simulated is None:
             simulated = slot.kind == "sim"
         return self.when == "any" or simulated is (self.when == "simulated")

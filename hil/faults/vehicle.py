@@ -24,7 +24,9 @@ def _device(host: Host) -> VehicleDevice:
 
 
 def _sim(host: Host) -> Px4Sim:
-    return _device(host).sim
+    sim = _device(host).sim
+    assert isinstance(sim, Px4Sim)  # `device`: no other vehicle gets here
+    return sim
 
 
 class _Vehicle(Fault):

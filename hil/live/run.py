@@ -99,7 +99,7 @@ def fly_live(
     try:
         with supervisor:
             try:
-                _fly(supervisor, spec, plan, progress, ended, remote, watch, arming)
+                _fly(run, supervisor, spec, plan, progress, ended, remote, watch, arming)
             finally:
                 supervisor.stop()
                 ended.health = supervisor.health
@@ -125,6 +125,7 @@ def fly_live(
 
 
 def _fly(
+    run: Run,
     supervisor: Supervisor,
     spec: LiveSpec,
     plan: Plan,
@@ -157,7 +158,7 @@ def _fly(
             gone = True
             with suppress(OSError):  # a flight does not end for its manifest
                 since = timedelta(microseconds=(time.monotonic_ns() - started_ns) / 1e3)
-                Run(spec.folder).begin(datetime.now(UTC) - since)
+                run.begin(datetime.now(UTC) - since)
             for service in remote:
                 for line in clock_lines(service, supervisor.health.get(service, {}).get("clock", {})):
                     supervisor.report("info", line)

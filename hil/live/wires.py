@@ -68,8 +68,9 @@ class LiveWires:
     def vehicle_device(self) -> Any:
         ports = self._ports
         if self._rig.vehicle.kind == "hitl":
-            self._hitl = self._keep(HitlWires(self._rig.vehicle, ports.firmware))
-            return self._hitl.simulator
+            hitl = self._hitl = HitlWires(self._rig.vehicle, ports.firmware)
+            self._keep(hitl)
+            return hitl.simulator
         # as PX4 does: sends first to a default address, keeps its first partner, receives from any sender
         peer = (ports.host, ports.vehicle_link)
         return self._keep(UdpWire((ports.host, ports.vehicle_device), peer, partner="first", accept_others=True))
