@@ -14,7 +14,7 @@ from vehicle.px4.sim.state import Flight
 from vehicle.quadrotor.airframe import GRAVITY
 
 CRAWL_HEIGHT = 0.75  # m above ground; below it the descent is limited to MPC_LAND_CRWL (recorded)
-CLIMB_SHARE = 0.6  # of MPC_TKO_SPEED, where the ceiling of recorded take-offs ends
+CLIMB_SHARE = 0.5  # of MPC_TKO_SPEED, where the ceiling of take-offs ends (recorded and measured)
 RAMP_DELAY_NS = 60_000_000  # before the take-off ramp moves (recorded)
 RTL_DESCENT_SHARE = 0.86  # of MPC_LAND_SPEED at which recorded returns descend at their end
 RTL_ANNOUNCE_S = 0.055
@@ -101,11 +101,8 @@ class Navigator:
             if self._takeoff_ns < 0:
                 self._takeoff_ns = flight.now_ns
                 reset_cascade(c, flight.estimate)
-            end = CLIMB_SHARE * float(p["MPC_TKO_SPEED"])
-            c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns, end)
-            down = GRAVITY / float(c[control.Z_VEL_P])
-            level_s = float(p["MPC_TKO_RAMP_T"]) * down / (down + end)  # when the ceiling lets it rise
-            c[control.MAX_UP] = self._climb_rate(self._takeoff_ns + RAMP_DELAY_NS + round(level_s * 1e9))
+            c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns, CLIMB_SHARE * float(p["MPC_TKO_SPEED"]))
+            c[control.MAX_UP] = self._climb_rate(self._takeoff_ns + RAMP_DELAY_NS)
         if flight.took_off and flight.position[2] > self._target[2] - float(p["NAV_MC_ALT_RAD"]):
             self._keep_target = True
             return px4.HOLD
