@@ -9,7 +9,7 @@ from tests.unit.vehicle.px4.driver.driver_bench import Bench
 from vehicle.px4.driver.arming import Arming, Identity, identity_of, same_value
 from vehicle.px4.sim.receiver import UID
 
-SITL = Identity(f"{UID:016x}", "1.17.0 d6f12ad1c4f70000")
+SITL = Identity(f"{UID:016x}", "1.17.0 000000c4d12af1d6")
 HELD = {"COM_OF_LOSS_T": 0.3, "COM_OBL_RC_ACT": 4, "NAV_RCL_ACT": 2}
 
 
@@ -58,7 +58,8 @@ def test_parameter_changed_after_it_was_read_is_found_at_arming():
 def test_silent_autopilot_is_not_armed_within_bounded_time():
     bench = waiting(tries=3)
     bench.link.allow_arming(Arming(SITL, HELD))
-    bench.stop_reception(True)
+    bench.sim.receiver._request = lambda port, id: 3
+    bench.sim.receiver._handlers["PARAM_REQUEST_READ"] = lambda *_: None
     bench.to("failed")
     assert bench.reported("its UID is unknown") and bench.reported("it does not tell its COM_OF_LOSS_T")
 
