@@ -45,7 +45,7 @@ class SimulatorServer:
     def __init__(self, host: str = "127.0.0.1", port: int = PORT) -> None:
         """Listen. Raises WireError for a port that is in use or may not be bound."""
         self._name, self._client = f"TCP port {port} on {host}", None
-        self._heard = False
+        self.answered = False  # set once controls have come: before, the firmware still starts its modules
         self._server = socket.socket()
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -86,7 +86,7 @@ class SimulatorServer:
         """What the firmware sent, once something has come; empty after waiting in vain. Raises WireError if it has
         left."""
         assert self._client is not None
-        if not select.select([self._client], [], [], PATIENCE_S if self._heard else BOOT_PATIENCE_S)[0]:
+        if not select.select([self._client], [], [], PATIENCE_S if self.answered else BOOT_PATIENCE_S)[0]:
             return []
         try:
             data = self._client.recv(65536)
@@ -94,7 +94,6 @@ class SimulatorServer:
             raise WireError(f"the firmware at {self._name} is gone ({error.strerror or error})") from None
         if not data:
             raise WireError(f"the firmware at {self._name} has left: see its log in the run's folder")
-        self._heard = self._heard or len(data) > 60  # more than its first HEARTBEAT: controls come
         return [data]
 
     def close(self) -> None:
@@ -109,3 +108,4 @@ class SimulatorPort(SerialWire):
     """The serial port of a flight controller in HITL mode: real time, nothing waits."""
 
     lockstep = False
+    answered = False

@@ -112,6 +112,9 @@ class NoWires:
     def __init__(self):
         self.sent = []
 
+    def vehicle_system(self):
+        return 1
+
     def vehicle_link(self):
         return self
 

@@ -64,7 +64,9 @@ def test_firmware_flies_an_attempt_in_lockstep(firmware, tmp_path):
     result, run = fly(tmp_path)
     assert result.exit_code in (0, 1), result.output
     row = json.loads(result.stdout)
-    assert (run.manifest["state"], run.manifest["identity"], row["rig"]) == ("finished", "sim", "px4-firmware")
+    assert row["run_dir"] == str(run.path)
+    assert (run.manifest["state"], run.manifest["identity"]) == ("finished", "sim")
+    assert run.manifest["rig"]["name"] == "px4-firmware"
     assert (run.path / "firmware.log").exists()
     if firmware == "real":
         assert result.exit_code == 0, "it perches"

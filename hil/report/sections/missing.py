@@ -9,11 +9,14 @@ from hil.recording.recorder import PICTURES
 from hil.report.drawing.section import Section, table
 from hil.report.recorded.flight import Recorded
 
+_MAY_LACK = (PICTURES, "run/fault")  # pictures are an option, and most runs have no faults
+
 
 def build(recorded: Recorded, sections: Sequence[Section]) -> Section:
     section = Section("missing", "What is missing")
     lost = [(section.title, plot, why) for section in sections for plot, why in section.lost]
-    silent = [name for name, topic in TOPICS.items() if topic.recorded and not recorded.has(name) and name != PICTURES]
+    wanted = [name for name, topic in TOPICS.items() if topic.recorded and name not in _MAY_LACK]
+    silent = [name for name in wanted if not recorded.has(name)]
     if lost:
         section.html(table(("section", "not drawn", "because"), list(lost), "left"))
     if silent:

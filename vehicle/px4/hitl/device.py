@@ -41,6 +41,7 @@ class SimulatorWire(Protocol):
     nothing only after it has waited in vain; that of a serial port never waits."""
 
     lockstep: bool
+    answered: bool  # whether controls have come
 
     def send(self, data: bytes, /) -> object: ...
 
@@ -163,6 +164,7 @@ class HitlVehicle:
             for frame in self._parser.feed(piece):
                 if frame.name == "HIL_ACTUATOR_CONTROLS":
                     self.controls.receive(frame.fields)
+                    self._wire.answered = True
                 elif frame.name == "COMMAND_LONG" and frame.fields.command == Command.SET_MESSAGE_INTERVAL:
                     self._interval(frame.fields)
 

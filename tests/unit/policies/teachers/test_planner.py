@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from groundcar.motion import board_row
 from policies.environment import episode_row
 from policies.environment.config import TICK, EnvConfig
 from policies.environment.env import Env
 from policies.environment.observe import shown_odometry
 from policies.estimation import belief_row, belief_state, thrust_row
-from policies.estimation.board_ekf import belief_covariance, belief_valid, surface_sigma
+from policies.estimation.board_ekf import belief_covariance, belief_predict, belief_valid, surface_sigma
 from policies.estimation.thrust_drag import gain_reset
 from policies.planner import state_row
 from policies.planner.learned_policy import LearnedPlannerPolicy
@@ -29,15 +30,17 @@ def views(env):
     x, p = np.zeros(8), np.zeros(belief_state.DIM * belief_state.DIM)
     position, velocity, orientation = (tuple(view) for view in shown_odometry(rows.scratch[0]))
     belief_covariance(rows.belief[0], now, env.shared.belief, x, p)
+    rho = belief_predict(rows.belief[0], now, env.shared.belief, np.zeros(board_row.DIM))
     now_ns = round(now * NS)
     vehicle = SimpleNamespace(
         stamp_ns=now_ns, position=position, velocity=velocity, orientation=orientation, body_rate=(0.0, 0.0, 0.0),
     )  # fmt: skip
     board = SimpleNamespace(
-        valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]), heading=x[3],
-        speed=x[4], turn_rate=x[5], inclination=x[6], acceleration=x[7], variance=tuple(p[:: belief_state.DIM + 1]),
+        stamp_ns=now_ns, valid=bool(belief_valid(rows.belief[0], now, env.shared.belief)), position=tuple(x[:3]),
+        heading=x[3], speed=x[4], turn_rate=x[5], inclination=x[6], acceleration=x[7],
+        variance=tuple(p[:: belief_state.DIM + 1]),
         last_exposure_ns=round(rows.belief[0, belief_row.TIME] * NS), streak=int(rows.belief[0, belief_row.STREAK]),
-        surface_sigma=surface_sigma(rows.belief[0]),
+        surface_sigma=surface_sigma(rows.belief[0]), rho=rho,
     )  # fmt: skip
     return now_ns, vehicle, board
 
