@@ -116,12 +116,7 @@ class Follower:
         Pose: m, m, rad, world; twist: m/s signed, rad/s. An older measurement is predicted to now. Raises ValueError if
         a number is not finite or the stamp later than now: the caller must drop such a measurement.
         """
-        if not all(map(math.isfinite, (x, y, heading, speed, turn_rate))):
-            raise ValueError(
-                f"the car's measured state is {x, y, heading, speed, turn_rate}: drop it, do not follow it"
-            )
-        if stamp_ns is not None and later_than_now(stamp_ns, now_ns):
-            raise ValueError(f"the car's measured state is stamped {stamp_ns} ns, later than now, {now_ns} ns: drop it")
+        pose = _pose_now(now_ns, x, y, heading, speed, turn_rate, stamp_ns)
         if self._start_ns is None or now_ns < self._start_ns:
             return _shown(now_ns, self._row, standing=True), Command(now_ns, 0.0, 0.0)
         while self._ticked_ns + TICK_NS <= now_ns:
@@ -129,10 +124,7 @@ class Follower:
             self._ticked_ns += TICK_NS
         rest = (now_ns - self._ticked_ns) * 1e-9
         reference, ahead = self.preview(rest), self.preview(rest + self._lead)
-        if stamp_ns is not None:
-            age = min(max(now_ns - stamp_ns, 0), MAX_AGE_NS) * 1e-9  # int: no NaN
-            x, y, heading = drive(x, y, heading, speed, turn_rate, age)
-        v, w = follow(reference, ahead, x, y, heading, self._gains)
+        v, w = follow(reference, ahead, *pose, self._gains)
         return _shown(now_ns, reference), Command(now_ns, float(v), float(w))
 
 
@@ -161,14 +153,12 @@ class RecordedFollower:
         stamp_ns: int | None = None,
     ) -> tuple[CarRef, Command]:
         """As `Follower.step`."""
+        pose = _pose_now(now_ns, x, y, heading, speed, turn_rate, stamp_ns)
         if self._start_ns is None or now_ns < self._start_ns:
             return _shown(now_ns, self._motion.at(0.0), standing=True), Command(now_ns, 0.0, 0.0)
         since = (now_ns - self._start_ns) * 1e-9
         reference, ahead = self._motion.at(since), self._motion.at(since + self._lead)
-        if stamp_ns is not None:
-            age = min(max(now_ns - stamp_ns, 0), MAX_AGE_NS) * 1e-9
-            x, y, heading = drive(x, y, heading, speed, turn_rate, age)
-        v, w = follow(reference, ahead, x, y, heading, self._gains)
+        v, w = follow(reference, ahead, *pose, self._gains)
         return _shown(now_ns, reference), Command(now_ns, float(v), float(w))
 
 
@@ -176,6 +166,19 @@ def gains_of(params: ScoutParams) -> np.ndarray:
     """The gains row (groundcar.scout.gains_row) of a car."""
     gains, limits = params.follower, params.limits
     return np.array([gains.along, gains.across, gains.heading, gains.correction, limits.speed, limits.turn_rate])
+
+
+def _pose_now(
+    now_ns: int, x: float, y: float, heading: float, speed: float, turn_rate: float, stamp_ns: int | None
+) -> tuple[float, float, float]:
+    """The car's pose, predicted from its measurement to now. Raises ValueError as `Follower.step` says."""
+    if not all(map(math.isfinite, (x, y, heading, speed, turn_rate))):
+        raise ValueError(f"the car's measured state is {x, y, heading, speed, turn_rate}: drop it, do not follow it")
+    if stamp_ns is None:
+        return x, y, heading
+    if later_than_now(stamp_ns, now_ns):
+        raise ValueError(f"the car's measured state is stamped {stamp_ns} ns, later than now, {now_ns} ns: drop it")
+    return drive(x, y, heading, speed, turn_rate, min(max(now_ns - stamp_ns, 0), MAX_AGE_NS) * 1e-9)
 
 
 def _shown(now_ns: int, row: np.ndarray, standing: bool = False) -> CarRef:

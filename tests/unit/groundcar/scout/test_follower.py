@@ -8,8 +8,9 @@ from groundcar.motion import motion_row
 from groundcar.motion import paths as t
 from groundcar.motion import speed_laws as s
 from groundcar.motion.kinematics import accelerate, drive
+from groundcar.motion.recorded import RecordedMotion
 from groundcar.motion.splines import random_spline
-from groundcar.scout.follower import CarRef, Follower, follow
+from groundcar.scout.follower import CarRef, Follower, RecordedFollower, follow
 from groundcar.scout.params import load_scout
 from kernel.random import stream
 
@@ -183,12 +184,6 @@ def test_an_old_measurement_is_predicted_to_now_but_not_without_bound():
     assert bounded != pytest.approx(expected)
 
 
-def test_a_measurement_that_is_not_finite_is_refused():
-    aux, u = CASES["spline"]
-    with pytest.raises(ValueError, match="drop it"):
-        Follower(aux, u, stream(0)).step(0, math.nan, 0.0, 0.0, 0.0, 0.0)
-
-
 def test_acceleration_helper_agrees_with_the_reference_s_ramp():
     aux, u = CASES["racetrack"]
     follower, v = Follower(aux, u, stream(0)), 0.0
@@ -199,10 +194,21 @@ def test_acceleration_helper_agrees_with_the_reference_s_ramp():
         assert ref.speed == pytest.approx(v)
 
 
-def test_measurement_stamped_later_than_now_raises():
-    follower = Follower(*CASES["spline"], stream(0, 2))
+def recorded():
+    times = np.arange(40) * 0.1
+    columns = {"t": times, "x": times, "y": 0.0 * times, "heading": 0.0 * times}
+    return RecordedFollower(RecordedMotion(columns, 1.5, 0.5))
+
+
+@pytest.mark.parametrize("make", [lambda: Follower(*CASES["spline"], stream(0, 2)), recorded], ids=["law", "recorded"])
+def test_measurement_that_is_not_finite_or_later_than_now_is_refused(make):
+    follower = make()
+    follower.start(0)
+    with pytest.raises(ValueError, match="drop it"):
+        follower.step(1_000 * MS, math.nan, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="later than now"):
         follower.step(1_000 * MS, 0.0, 0.0, 0.0, 0.0, 0.0, stamp_ns=1_006 * MS)
+    follower.step(1_000 * MS, 0.0, 0.0, 0.0, 0.0, 0.0, stamp_ns=990 * MS)
 
 
 @pytest.mark.parametrize("number", range(3))
