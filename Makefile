@@ -28,7 +28,7 @@ run: $(VENV)/core ## fly Hard-I, everything simulated behind its real wire
 test: $(VENV)/test ## run the test suite
 	$(BIN)/python -m pytest -n 2 -m "not live"
 
-attack: $(VENV)/test ## fifty times the cases of the attack tests (forged and damaged data, floods): some ten minutes
+attack: $(VENV)/test ## fifty times the cases of the attack tests (forged and damaged data, floods)
 	PERCH_HIL_ATTACK=50 $(BIN)/python -m pytest -n 2 --timeout 7200 tests/attack
 
 live: $(VENV)/test ## test the live host, in real time: on a machine that does nothing else
