@@ -6,6 +6,7 @@ delay, with an uncertainty of those 10 ms.
 
 from __future__ import annotations
 
+import atexit
 import socket
 import threading
 import time
@@ -71,6 +72,8 @@ class VrpnMocap:
         self._closing = False
         self._thread = threading.Thread(target=self._run, name=f"mocap {server}", daemon=True)
         self._thread.start()
+        # the library aborts the process if the interpreter ends while a thread is inside it
+        atexit.register(self.close)
 
     @property
     def lost(self) -> str:
@@ -109,6 +112,7 @@ class VrpnMocap:
         """Disconnect; may be called twice."""
         if not self._closing:
             self._closing = True
+            atexit.unregister(self.close)
             self._thread.join(2.0)
 
     def _run(self) -> None:

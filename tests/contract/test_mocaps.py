@@ -1,6 +1,8 @@
 """Motion capture over VRPN: the library's client with a server of that protocol, and the node."""
 
 import math
+import socket
+import subprocess
 import sys
 import time
 
@@ -107,6 +109,27 @@ def test_mocap_wire_is_lost_when_its_server_ends(server):
         wire.take(0)
         time.sleep(0.02)
     assert "is silent: no new pose for 1 s" in wire.lost
+    wire.close()
+
+
+def test_process_with_an_open_mocap_wire_ends_with_its_own_exit_code(server):
+    program = f"""
+from hil.wires.mocap_vrpn import VrpnMocap
+wire = VrpnMocap("127.0.0.1:{server.port}", ("quad",), 0)
+raise SystemExit(7)
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 7, ended.stderr
+
+
+def test_server_answers_a_client_after_one_that_left_before_its_answer(server):
+    with socket.create_server(("127.0.0.1", 0)) as listening, socket.socket(type=socket.SOCK_DGRAM) as asking:
+        asking.sendto(f"127.0.0.1 {listening.getsockname()[1]}".encode() + b"\0", ("127.0.0.1", server.port))
+        called_back = listening.accept()[0]
+        called_back.recv(24, socket.MSG_WAITALL)
+        called_back.close()
+    wire, got = client(server), []
+    Feeder(server).until(lambda: got.extend(wire.take(0)) or len(got) > 4)
     wire.close()
 
 

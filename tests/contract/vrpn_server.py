@@ -13,6 +13,29 @@ SENDER, TYPE = -1, -2
 POSE = "vrpn_Tracker Pos_Quat"
 
 
+class Client:
+    """One client, called back. Raises OSError if it is not there or speaks another protocol."""
+
+    def __init__(self, host, port):
+        self.socket, self._names = socket.create_connection((host, port), 1.0), []
+        self.socket.settimeout(2.0)
+        self.socket.sendall(COOKIE)
+        if self.socket.recv(24, socket.MSG_WAITALL)[:11] != COOKIE[:11]:
+            self.socket.close()
+            raise ConnectionError("no cookie of VRPN")
+        self.socket.sendall(message(TYPE, 0, text(POSE)))
+
+    def send_poses(self, bodies):
+        data = b""
+        for name, (position, quaternion) in bodies.items():
+            if name not in self._names:
+                self._names.append(name)
+                data += message(SENDER, self._names.index(name), text(name))
+            payload = struct.pack(">ii7d", 0, 0, *position, *quaternion)
+            data += message(0, self._names.index(name), payload)
+        self.socket.sendall(data)
+
+
 class VrpnServer:
     """`bodies`: name -> (position, quaternion x, y, z, w), sent whenever `send_poses` is called."""
 
@@ -21,7 +44,7 @@ class VrpnServer:
         self._udp.bind(("127.0.0.1", 0))
         self._udp.settimeout(0.05)
         self.port = self._udp.getsockname()[1]
-        self._clients, self._names, self._ended = [], [], threading.Event()
+        self._clients, self._ended = [], threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
@@ -37,35 +60,22 @@ class VrpnServer:
                 continue
             host, port = asked.split(b"\0")[0].split()
             try:
-                client = socket.create_connection((host.decode(), int(port)), 1.0)
-                client.sendall(COOKIE)
-                client.settimeout(2.0)
-                assert client.recv(24, socket.MSG_WAITALL)[:11] == COOKIE[:11]
-                client.sendall(message(TYPE, 0, text(POSE)))
-                self._names = []
-                self._clients = [client]
-            except OSError:
+                self._clients.append(Client(host.decode(), int(port)))
+            except OSError:  # it left before it was called back, or asked twice
                 continue
 
     def send_poses(self, bodies):
-        """Send one pose of each body."""
-        for client in self._clients:
-            data = b""
-            for name, (position, quaternion) in bodies.items():
-                if name not in self._names:
-                    self._names.append(name)
-                    data += message(SENDER, self._names.index(name), text(name))
-                payload = struct.pack(">ii7d", 0, 0, *position, *quaternion)
-                data += message(0, self._names.index(name), payload)
+        """Send one pose of each body to every client."""
+        for client in tuple(self._clients):
             try:
-                client.sendall(data)
+                client.send_poses(bodies)
             except OSError:  # it has left
-                self._clients = []
+                self._clients.remove(client)
 
     def drop_clients(self):
         """The cable is pulled."""
         for client in self._clients:
-            client.close()
+            client.socket.close()
         self._clients = []
 
     def close(self):
