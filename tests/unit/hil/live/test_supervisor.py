@@ -1,5 +1,6 @@
 """The supervisor: an ended service is reported with its last log line, no process and no shared memory is orphaned."""
 
+import mmap
 import os
 import signal
 import subprocess
@@ -221,6 +222,12 @@ def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path)
         holder.stdout.readline()
         assert mapped_memory(holder.pid) == {held.name}
         outside.write_bytes(b"not of the bus")
+        with orphan.open("r+b") as file, mmap.mmap(file.fileno(), 4096) as mapped:  # by the process that removes it
+            assert mapped_memory() >= {orphan.name}
+            removed = remove_orphaned_memory([orphan.name])
+            assert len(mapped) == 4096
+        assert removed == [orphan.name]
+        orphan.write_bytes(bytes(4096))
         paths = [f"../..{outside}", str(outside), "../shm/" + held.name]
         assert remove_orphaned_memory([*paths, orphan.name, held.name, "gone.zenoh"]) == [orphan.name]
         assert held.exists()
