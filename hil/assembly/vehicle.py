@@ -6,7 +6,8 @@ import math
 from dataclasses import replace
 
 from hil.assembly.parts import Parts
-from hil.nodes.vehicle import VehicleDevice, VehicleLink
+from hil.nodes.vehicle import VehicleLink
+from hil.nodes.vehicle_device import VehicleDevice
 from hil.nodes.vehicle_firmware import FirmwareVehicle
 from hil.safety.vehicle_gate import VehicleGate
 from hil.wires.signing_key import read_signing_key
@@ -76,7 +77,7 @@ def vehicle_link(parts: Parts) -> VehicleLink:
     driver = Px4Link(link, config)
     if slot.kind == "hitl" and slot.simulated:
         driver.allow_arming(Arming())  # on no condition; it then tells which firmware it is
-    gate = VehicleGate(rig.gate)
+    gate = VehicleGate(rig.gate, parts.frame.command)
     return VehicleLink(driver, gate, seen_by_simulation, slot.external_pose, virtual_board, reach)
 
 

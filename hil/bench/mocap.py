@@ -16,7 +16,7 @@ from hil.contract.messages import BoardState, VehicleState
 from hil.host.lockstep import Clock, Lockstep
 from hil.nodes.car import board_of
 from hil.nodes.mocap import MocapNode, board_state
-from hil.nodes.vehicle import VehicleDevice
+from hil.nodes.vehicle_device import VehicleDevice
 from hil.wires import WireError
 from hil.wires.mocap_vrpn import BodyPose, VrpnMocap
 from kernel.rotations import wrap_angle

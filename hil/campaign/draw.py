@@ -41,7 +41,7 @@ def read_list(path: Path) -> dict[str, Any]:
 def compare_list(listed: dict[str, Any], lines: Sequence[Line]) -> list[str]:
     """Remarks on the real flights of `lines` against the sealed list: how many were flown, and if in another order."""
     real = sorted((line for line in lines if line.group.identity == "real"), key=_started)
-    flown = [(line.group.scenario, line.policy.split(" ")[0]) for line in real]
+    flown = [(line.named("scenario"), line.named("policy")) for line in real]
     asked = [(one["scenario"], Path(one["policy"]).name) for one in listed["flights"]]
     remarks = [f"{len(flown)} of the {len(asked)} real flights of the sealed list {listed['sha256'][:12]} were flown."]
     if flown != asked[: len(flown)]:

@@ -54,20 +54,27 @@ def draw(
     seed: Annotated[int, typer.Option(min=0, help="of the order")] = 0,
 ) -> None:
     """Draw the order of real flights, and seal it, before the first is flown."""
+    import itertools
     import json
 
-    from hil.assembly.rig import load_rig
+    from hil.assembly.plan import Plan
     from hil.campaign.draw import draw_list
     from kernel.toml_errors import ConfigError
+    from policies.flying.contract import ContractError
     from scenarios.spec import load
 
     try:
-        load_rig(rig)
         names = [load(scenario).name for scenario in scenarios]
+        for kind, given in (("scenario", names), ("policy", policy)):
+            twice = sorted({name for name in given if given.count(name) > 1})
+            if twice:
+                raise ConfigError(f"{kind} {', '.join(twice)} is given twice: --flights says how often each is flown")
+        for scenario, one in itertools.product(scenarios, policy):
+            Plan(scenario, rig, one, None, live=True)  # what could not be flown is not drawn
         listed = draw_list(names, policy, flights, rig, seed)
         with out.open("x", encoding="utf-8") as file:
             file.write(json.dumps(listed, indent=2) + "\n")
-    except ConfigError as error:
+    except (ConfigError, ContractError, ValueError) as error:
         raise fail(str(error)) from None
     except OSError as error:
         raise fail(f"{out}: cannot be written: {error.strerror}") from None

@@ -55,7 +55,8 @@ class Fault:
     """Base of every kind. `rng`: the fault's own random stream.
 
     `kind`: its name; `nodes`: the first of them that a run has is decorated; `pictures`: it changes pictures and is
-    nothing without them; `device`: the slot whose simulated device it acts on; `live_only`: it acts on a process.
+    nothing without them; `device`: the slot whose simulated device it acts on; `live_only`: it acts on a process;
+    `final`: nothing ends it.
     """
 
     kind: ClassVar[str] = ""
@@ -63,12 +64,14 @@ class Fault:
     pictures: ClassVar[bool] = False
     device: ClassVar[str] = ""
     live_only: ClassVar[bool] = False
+    final: ClassVar[bool] = False
     Parameters: ClassVar[type[Parameters]] = Parameters
 
     stalls = False  # while it is active the node is not stepped, and what arrives for it waits
     dead = False  # the node is not stepped, and does not obey an order to abort
     clock_ns = 0  # what the node's clock is ahead of the run's
-    live = False  # the run keeps real time, and the node's process is one of its own
+    live = False  # it may strike its process: the run is live, and this is the first of its nodes there
+    lasts_s: float | None = None  # how long it acts; None: to the end of the run
 
     def __init__(self, parameters: Any, rng: np.ndarray) -> None:
         self.p, self.rng = parameters, rng

@@ -34,8 +34,10 @@ def read_parameters(table: FaultTable) -> Any:
 def check_faults(tables: Sequence[FaultTable], setting: Setting) -> None:
     """Raises ConfigError for a fault that is unknown, or that cannot act in such a run."""
     for table in tables:
-        parameters = read_parameters(table)
-        why = KINDS[table.kind].complaint(parameters, setting)
+        parameters, kind = read_parameters(table), KINDS[table.kind]
+        why = kind.complaint(parameters, setting)
+        if kind.final and table.lasts_s is not None:
+            why = f"does not end, and cannot last {table.lasts_s:g} s: leave `for` out"
         if why:
             raise ConfigError(f"fault {table.title}: {why}")
 
@@ -55,10 +57,11 @@ def with_faults(
     acting: dict[int, Fault] = {}
     for place, table in enumerate(tables):
         kind, parameters = KINDS[table.kind], read_parameters(table)
-        if name in kind.places(parameters, setting):
+        places = kind.places(parameters, setting)
+        if name in places:
             words = [zlib.crc32(text.encode()) for text in (key[1], table.kind, name)]
             acting[place] = kind(parameters, stream(key[0], *words, place, table.seed))
-            acting[place].live = setting.live
+            acting[place].live, acting[place].lasts_s = setting.live and name == places[0], table.lasts_s
     if acting:
         decorated = FaultyWires(wires, list(acting.values()))
         node: Node = FaultyNode(build, acting, decorated)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from hil.contract.messages import Faults
 from hil.contract.node import Inbox, Node, Out
@@ -67,6 +68,9 @@ class FaultyNode(Node):
         for fault in wanted:
             if fault not in before:
                 fault.begin(self)
+
+    def permit(self, arming: Any) -> None:
+        self.node.permit(arming)
 
     def abort(self, why: str) -> None:
         """Passed on, but to a dead node."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import subprocess
 from typing import Annotated, Any
 
 import numpy as np
@@ -37,7 +38,7 @@ class _Service(Fault):
 class ServiceKilled(_Service):
     """A service's process ends without a word (SIGKILL); in lockstep its nodes are not stepped from then on."""
 
-    kind = "service.killed"
+    kind, final = "service.killed", True
     dead = True
 
     def begin(self, host: Host) -> None:
@@ -50,10 +51,19 @@ class ServiceStopped(_Service):
 
     kind = "service.stopped"
     dead = True
+    _waker: subprocess.Popen[bytes] | None = None
 
     def begin(self, host: Host) -> None:
-        if self.live:
-            os.kill(os.getpid(), signal.SIGSTOP)
+        if not self.live:
+            return
+        if self.lasts_s is not None:  # a stopped process cannot go on by itself
+            wake = f"sleep {self.lasts_s}; kill -CONT {os.getpid()}"
+            self._waker = subprocess.Popen(["/bin/sh", "-c", wake])
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+    def end(self, host: Host) -> None:
+        if self._waker is not None:
+            self._waker.wait()
 
 
 class ServiceStalled(_Service):
@@ -82,12 +92,14 @@ class DiskFull(_Service):
     kind, live_only = "disk.full", True
 
     def begin(self, host: Host) -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        self._before = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (0, self._before[1]))
+        if self.live:
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            self._before = resource.getrlimit(resource.RLIMIT_FSIZE)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (0, self._before[1]))
 
     def end(self, host: Host) -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, self._before)
+        if self.live:
+            resource.setrlimit(resource.RLIMIT_FSIZE, self._before)
 
 
 KINDS = (ServiceKilled, ServiceStopped, ServiceStalled, ClockStep, DiskFull)

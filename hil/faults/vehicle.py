@@ -9,7 +9,7 @@ from pydantic import Field
 
 from hil.contract.messages import Contact
 from hil.faults.fault import Fault, Host, Parameters, Share
-from hil.nodes.vehicle import VehicleDevice
+from hil.nodes.vehicle_device import VehicleDevice
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.px4.sim.rows import estimate_error
 from vehicle.quadrotor import airframe_row, state_row

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.faults.fault import Fault
@@ -71,20 +71,27 @@ class FaultyWires:
 
     def __init__(self, wires: Any, faults: Sequence[Fault]) -> None:
         self._wires, self._faults = wires, faults
+        self._inner: dict[str, Any] = {}
         self.opened: list[FaultyWire] = []
 
-    def _decorated(self, wire: Any) -> FaultyWire:
-        self.opened.append(FaultyWire(wire, self._faults))
+    def _decorated(self, name: str, open_wire: Callable[[], Any]) -> FaultyWire:
+        """A wire is opened once: a node that is built again gets the same one, whose address is taken."""
+        if name not in self._inner:
+            self._inner[name] = open_wire()
+        self.opened.append(FaultyWire(self._inner[name], self._faults))
         return self.opened[-1]
 
+    def vehicle_system(self) -> int:
+        return self._wires.vehicle_system()
+
     def vehicle_link(self) -> FaultyWire:
-        return self._decorated(self._wires.vehicle_link())
+        return self._decorated("vehicle_link", self._wires.vehicle_link)
 
     def vehicle_device(self) -> FaultyWire:
-        return self._decorated(self._wires.vehicle_device())
+        return self._decorated("vehicle_device", self._wires.vehicle_device)
 
     def car_link(self) -> FaultyWire:
-        return self._decorated(self._wires.car_link())
+        return self._decorated("car_link", self._wires.car_link)
 
     def car_device(self) -> FaultyWire:
-        return self._decorated(self._wires.car_device())
+        return self._decorated("car_device", self._wires.car_device)

@@ -15,6 +15,7 @@ from hil.scoring.flight_class import READ, FlightClass
 from hil.scoring.score import SCORED, Score, score_messages
 
 _READ = (*SCORED, "policy/action")
+_SILENT_NS = 2_000_000_000  # without a status at the end: the vehicle's driver has ended before
 
 
 class Ended:
@@ -57,12 +58,15 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
     return score, table, found
 
 
-def _class(recording: Recording, plan: Plan, trouble: str) -> FlightClass:
-    one, armed = flight_judge(plan.scenario, plan.rig), False
+def _class(recording: Recording, plan: Plan, trouble: str) -> FlightClass | None:
+    """None where the vehicle's driver or its link ended in flight: nothing says when the motors stopped."""
+    one, armed, now_ns, told_ns = flight_judge(plan.scenario, plan.rig), False, 0, 0
     for log_ns, topic, message in recording.messages([t for t in READ if "/perch/" + t in recording.topics]):
         one(log_ns, topic, message)
-        armed = message.armed if topic == "vehicle/status" else armed
-    return one.result(not armed, trouble)
+        now_ns = log_ns
+        if topic == "vehicle/status":
+            armed, told_ns = message.armed, log_ns if message.connected else told_ns
+    return one.result(not armed, trouble) if not armed or now_ns - told_ns < _SILENT_NS else None
 
 
 def _kept(table: dict[str, Any]) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def _rehearse(assembly: Assembly, clock: Clock) -> None:
     while clock.now_ns < _REHEARSAL_NS and left:
         clock.now_ns += _STEP_NS
         if left > _STEPS // 2:
-            action = m.Action(clock.now_ns, True, _ZERO, _G, "warm-up", clock.now_ns, _G)
+            action = m.Action(clock.now_ns, True, _ZERO, _G + 1e-3 * left, "warm-up", clock.now_ns, _G)
             inboxes[link].put("policy/action", action)
         elif left > 0:
             inboxes[device].put("truth/board", samples["truth/board"](clock.now_ns))

@@ -1,12 +1,13 @@
-"""The quadrotor: driver with its gate, and the simulated autopilot and airframe behind the wire."""
+"""The quadrotor's driver with its gate."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 from hil.contract.messages import (
     Action,
-    BoardState,
     Contact,
     Event,
     Sent,
@@ -15,7 +16,9 @@ from hil.contract.messages import (
     VehicleStatus,
 )
 from hil.contract.node import Inbox, Node, Out
+from hil.safety.magnet import MagnetCheck
 from hil.safety.vehicle_gate import VehicleGate
+from hil.scoring.verdict import NOT_HELD
 from kernel.clip import usable
 from kernel.stamps import later_than_now
 from vehicle.mocap.agreement import Lasting, vehicle_disagreement
@@ -23,7 +26,6 @@ from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.core import BEFORE_FLIGHT
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
-from vehicle.px4.sim.truth import Quat, Truth, Vec3
 
 STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
@@ -68,6 +70,7 @@ class VehicleLink(Node):
         self._aborted = False
         self._poses_refused = 0
         self._arming: Arming | None = None  # the host's permission
+        self._magnet: MagnetCheck | None = None  # from contact on
 
     def permit(self, arming: Any) -> None:
         """A real vehicle is not armed before. Raises ValueError for a table that is not that of an `Arming`."""
@@ -89,14 +92,13 @@ class VehicleLink(Node):
         if self._aborted and self._link.phase in GROUND_PHASES:
             return []
         contact: Contact | None = inbox.latest("referee/contact")
-        if contact is not None and contact.outcome != "ongoing":
-            self._end(contact)
-        actions = [action for action in inbox.new("policy/action") if action.engaged]
-        newest = actions[-1] if actions and not self._aborted else None
-        command, sent, tripped = self._checked(now_ns, newest)
+        lost = self._end(now_ns, contact) if contact is not None and contact.outcome != "ongoing" else ""
+        command, sent, tripped = self._checked(now_ns, self._wanted(inbox.new("policy/action")))
         pose, refused = self._external_pose(now_ns, inbox)
         output = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]
+        if lost:
+            outs.append(Out("event", Event(now_ns, "error", self.name, lost)))
         if refused:
             outs.append(Out("event", Event(now_ns, "error", self.name, refused)))
         if tripped:
@@ -159,6 +161,15 @@ class VehicleLink(Node):
         self._published = held
         return [Out("vehicle/parameters", VehicleParameters(now_ns, tuple(held), tuple(held.values())))]
 
+    def _wanted(self, actions: Sequence[Action]) -> Action | None:
+        """What is to be sent, before the gate: the newest engaged action; from contact on the motors idle."""
+        engaged = [action for action in actions if action.engaged]
+        if not engaged or self._aborted:
+            return None
+        if self._magnet is None:
+            return engaged[-1]
+        return replace(engaged[-1], body_rate=(0.0, 0.0, 0.0), thrust=self._gate.least_thrust)
+
     def _checked(self, now_ns: int, action: Action | None) -> tuple[Rates | None, Sent | None, str]:
         """(what to send, its record, why the gate tripped just now)."""
         if action is None or self._gate.tripped:
@@ -170,12 +181,19 @@ class VehicleLink(Node):
             return None, Sent(now_ns, (0.0, 0.0, 0.0), 0.0, 0.0, False, self._gate.tripped), self._gate.tripped
         return None, None, ""
 
-    def _end(self, contact: Contact) -> None:
-        """Perched: motors off. Not perched, or on a board that is not there: back to the autopilot, which lands."""
-        if contact.attached and not self._virtual_board:
-            self._link.kill()
-        else:
+    def _end(self, now_ns: int, contact: Contact) -> str:
+        """Held by the magnet: motors off. Not held, or on a board that is not there: back to the autopilot, which
+        lands. Returns what is to be reported, once."""
+        if not contact.attached or self._virtual_board:
             self._link.release()
+            return ""
+        self._magnet = self._magnet or MagnetCheck(now_ns)
+        before, hold = self._magnet.hold, self._magnet.judge(now_ns, self._odometry)
+        if hold == "held":
+            self._link.kill()
+        elif hold == "falls":
+            self._link.release()
+        return NOT_HELD if hold == "falls" != before else ""
 
     @property
     def counters(self) -> dict[str, int]:
@@ -202,51 +220,3 @@ def _status(now_ns: int, output: LinkOutput) -> VehicleStatus:
         output.battery_v,
         output.hover_thrust,
     )
-
-
-class Body(Protocol):
-    """A simulated vehicle with its autopilot. `attach`: the magnet holds it to the board of that pose."""
-
-    def step(self, now_ns: int, /) -> None: ...
-
-    def truth(self) -> Truth: ...
-
-    def set_wind(self, velocity: Vec3, /) -> None: ...
-
-    def attach(self, position: Vec3, orientation: Quat, stamp_ns: int, velocity: Vec3, turn_rate: float, /) -> None: ...
-
-
-class Air(Protocol):
-    """What moves the air; see `vehicle.quadrotor.wind.Wind`."""
-
-    def at(self, now_ns: int, /) -> tuple[float, float, float]: ...
-
-
-class VehicleDevice(Node):
-    """A simulated vehicle with its autopilot; when the magnet holds, the vehicle rides on the board."""
-
-    name = "vehicle_device"
-    inputs = ("referee/contact", "truth/board")
-    outputs = ("truth/vehicle",)
-    period_ns = 4_000_000
-
-    def __init__(self, sim: Body, wind: Air | None = None) -> None:
-        self.sim: Body = sim
-        self.wind: Air | None = wind
-
-    @property
-    def safe(self) -> bool:
-        """Whether it is disarmed: until then its driver needs it."""
-        return not self.sim.truth().armed
-
-    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
-        contact: Contact | None = inbox.latest("referee/contact")
-        board: BoardState | None = inbox.latest("truth/board")
-        if contact is not None and contact.attached and board is not None:
-            self.sim.attach(board.position, board.orientation, board.stamp_ns, board.velocity, board.turn_rate)
-        if self.wind is not None:
-            self.sim.set_wind(self.wind.at(now_ns))
-        self.sim.step(now_ns)
-        truth = self.sim.truth()
-        state = VehicleState(now_ns, truth.position, truth.velocity, truth.orientation, truth.body_rate)
-        return [Out("truth/vehicle", state)]

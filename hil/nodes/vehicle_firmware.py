@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil.contract.messages import Event
 from hil.contract.node import Inbox, Out
-from hil.nodes.vehicle import VehicleDevice
+from hil.nodes.vehicle_device import VehicleDevice
 from hil.wires import WireError
 from vehicle.px4.hitl.device import FirmwareFault, HitlVehicle
 from vehicle.quadrotor.wind import Wind

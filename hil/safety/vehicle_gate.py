@@ -2,30 +2,44 @@
 
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped trips the gate: a number
 that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence or without fresh
-odometry; odometry that moves faster than the vehicle can; a board that has not been seen for seconds. A trip latches:
-nothing more is sent, and the autopilot's own failsafe acts on the missing commands.
+odometry; odometry that moves faster than the vehicle can; a board that has not been seen for seconds; a command that
+repeats to the last bit while the odometry changes. A trip latches: nothing more is sent, and the autopilot's own
+failsafe acts on the missing commands.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from hil.contract.messages import Action, Quat, Sent, VehicleState
 from hil.safety.limits import GateLimits
 from kernel.stamps import later_than_now
+from vehicle.quadrotor.airframe import CommandLimits
 
 _JUMP_M, _JUMP_RAD = 0.5, 0.5  # what an estimator may correct at once, on top of motion within the limits
 _UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
+_REPEAT_NS = 300_000_000  # a policy of 10 Hz repeats each command for 100 ms
+_AT_BOUND = 0.999  # share of a bound: a network's last layer comes near it only
 
 
 class VehicleGate:
     """One vehicle's gate. `check` returns what may be sent, or None if nothing may."""
 
-    def __init__(self, limits: GateLimits) -> None:
+    def __init__(self, limits: GateLimits, asked: CommandLimits | None = None) -> None:
+        """`asked`: within what policies ask, where that is less than `limits`."""
         self._limits = limits
+        self._rate = min(limits.rate, asked.body_rate) if asked else limits.rate
+        self._thrust = asked.thrust if asked else limits.thrust
         self.tripped = ""
         self.refused = 0
         self._before: VehicleState | None = None  # the odometry of the check before
+        self._repeated: tuple[Action, VehicleState, int] | None = None  # the first of equal commands, its odometry, ns
+
+    @property
+    def least_thrust(self) -> float:
+        """The smallest thrust that passes unchanged, m/s^2."""
+        return self._limits.thrust[0]
 
     def check(self, now_ns: int, action: Action, vehicle: VehicleState | None) -> Sent | None:
         """`action` against the limits; `vehicle` is the newest odometry. A trip latches; `tripped` names its reason."""
@@ -75,7 +89,25 @@ class VehicleGate:
         for axis, value, (low, high) in zip("xyz", vehicle.position, (limits.x, limits.y, limits.z), strict=True):
             if not low <= value <= high:
                 return f"vehicle outside its fence: {axis} = {value:.2f} m, allowed {low:g} to {high:g}"
-        return ""
+        return self._repeats(now_ns, action, vehicle)
+
+    def _repeats(self, now_ns: int, action: Action, vehicle: VehicleState) -> str:
+        """Why the command does not answer to the odometry; empty if it does, or if no number of it could."""
+        first = self._repeated
+        if first is None or _numbers(first[0]) != _numbers(action) or self._at_bounds(action):
+            self._repeated = action, vehicle, now_ns
+            return ""
+        seconds = (now_ns - first[2]) * 1e-9
+        if now_ns - first[2] < _REPEAT_NS or replace(vehicle, stamp_ns=first[1].stamp_ns) == first[1]:
+            return ""
+        return f"command has not changed for {seconds:.2f} s, and the odometry has"
+
+    def _at_bounds(self, action: Action) -> bool:
+        """Whether each number is at a bound or 0: such a command may repeat although it is computed anew."""
+        low, high = self._thrust
+        margin = (1.0 - _AT_BOUND) * (high - low)
+        free = any(rate and abs(rate) < _AT_BOUND * self._rate for rate in action.body_rate)
+        return not free and not low + margin < action.thrust < high - margin
 
     def _jump(self, vehicle: VehicleState) -> str:
         """Why `vehicle` cannot follow from the odometry before at the limits of speed and turning; empty if it can."""
@@ -90,6 +122,10 @@ class VehicleGate:
         if turned > self._limits.turning * elapsed + _JUMP_RAD:
             return f"odometry turned by {turned:.2f} rad within {elapsed * 1e3:.0f} ms"
         return ""
+
+
+def _numbers(action: Action) -> tuple[float, ...]:
+    return (*action.body_rate, action.thrust)
 
 
 def _angle_between(a: Quat, b: Quat) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hil.contract.messages import BoardState, Contact, Event, Faults, Sent, Stage, VehicleState, VehicleStatus
+from hil.scoring.verdict import NOT_HELD
 from kernel.rotations import rotate
 
 PERCHED, MISSED, ABORTED, UNSAFE = "perched", "missed and landed", "aborted and landed", "unsafe"
@@ -27,7 +28,8 @@ _GROUND_BAND = 0.05  # m
 
 DEFINITIONS = {
     PERCHED: f"The magnet held; at the end the vehicle is on the board ({_ON_BOARD} m from its centre), motors off.",
-    MISSED: "The referee decided that the magnet does not hold; at the end the vehicle is on the ground, motors off.",
+    MISSED: "The referee decided that the magnet does not hold, or it did not hold; at the end the vehicle is on the "
+    "ground, motors off.",
     ABORTED: "The attempt was given up before the referee decided, or never began: the gate tripped, the driver lost "
     "control or gave it back, the autopilot's failsafe acted, or a process was lost. At the end the vehicle is on the "
     "ground, motors off.",
@@ -187,7 +189,8 @@ class FlightJudge:
             return FlightClass(PERCHED, (), not_begun)
         if aborts:
             return FlightClass(ABORTED, tuple(aborts), not_begun)
-        reason = self._contact.reason if self._contact else ""
+        contact = self._contact
+        reason = NOT_HELD if contact and contact.attached else contact.reason if contact else ""
         return FlightClass(MISSED, (reason,) if reason else (), not_begun)
 
 

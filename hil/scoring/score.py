@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from hil.contract.messages import BoardState, Contact, Detection, Event, Sent, Stage
-from hil.scoring.verdict import verdict_word
+from hil.scoring.verdict import NOT_HELD, verdict_word
 from policies.task.contact import GROUND, INVALID, REASONS, TIMEOUT, WORKSPACE
 from scenarios.spec import Scenario
 
@@ -84,6 +84,7 @@ class Scorer:
         self._looks: list[tuple[int, int, bool, str]] = []
         self._sent = self._limited = 0
         self._tripped = self._aborted = ""
+        self._fell = False
 
     def abort(self, why: str) -> None:
         """The run does not end by itself: what follows is no verdict on the policy."""
@@ -117,6 +118,7 @@ class Scorer:
     def _event(self, event: Event) -> None:
         if event.source == "supervisor" and event.text.startswith(ABORTED):
             self.abort(event.text.removeprefix(ABORTED))
+        self._fell = self._fell or event.text == NOT_HELD
 
     def _contact(self, contact: Contact) -> None:
         if self._verdict is None and contact.outcome != "ongoing" and not self._aborted:
@@ -171,6 +173,8 @@ class Scorer:
             commands_limited=self._limited,
         )
         reasons = [contact.reason] if contact and contact.reason else []
+        if self._fell:
+            reasons.append(NOT_HELD)
         if self._aborted:
             reasons.append(f"aborted: {self._aborted}")
         elif contact is None:
@@ -183,7 +187,7 @@ class Scorer:
         return Score(
             scenario=self._scenario.name,
             seed=self._seed,
-            attached=contact is not None and contact.attached,
+            attached=contact is not None and contact.attached and not self._fell,
             within_tolerance=contact is not None and contact.within_tolerance,
             outcome=contact.outcome if contact and not self._aborted else "incomplete",
             reasons=tuple(reasons),

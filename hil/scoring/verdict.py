@@ -7,6 +7,8 @@ ATTACHED = "attached, outside tolerance"
 MISSED = "missed"
 INCOMPLETE = "incomplete"
 
+NOT_HELD = "the magnet did not hold"  # event of the vehicle's driver after a contact at which it should have held
+
 FINISHED = "finished"  # the state of a manifest whose attempt says something about the policy
 
 

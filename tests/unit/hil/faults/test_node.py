@@ -144,6 +144,46 @@ def test_killed_service_is_not_stepped_and_obeys_nothing():
     assert inner.why == ""
 
 
+def test_permission_to_arm_reaches_the_node():
+    inner = Publisher("camera/image", image)
+    inner.permit = permitted = Permitted()
+    decorated(inner, fault("mavlink.loss")).permit({"uid": "1"})
+    assert permitted.tables == [{"uid": "1"}]
+
+
+class Permitted:
+    def __init__(self):
+        self.tables = []
+
+    def __call__(self, arming):
+        self.tables.append(arming)
+
+
+class Host:
+    """Wires of a host on which an address can be opened once."""
+
+    def __init__(self):
+        self.opened = []
+
+    def vehicle_system(self):
+        return 3
+
+    def vehicle_device(self):
+        assert not self.opened, "address in use"
+        self.opened.append(memory_pair(lambda: 0))
+        return self.opened[-1][0]
+
+
+def test_node_that_is_built_again_gets_the_wire_that_is_open():
+    host = Host()
+    wires = FaultyWires(host, [])
+    wires.vehicle_device().send(b"a")
+    wires.opened.clear()
+    wires.vehicle_device().send(b"b")
+    assert host.opened[0][1].receive() == [b"a", b"b"]
+    assert wires.vehicle_system() == 3
+
+
 def test_two_active_faults_act_one_after_the_other():
     node = decorated(Publisher("board/detection", detection), fault("detector.duplicate"), fault("camera.late"))
     inbox = Inbox(node.inputs)

@@ -1,13 +1,13 @@
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
-from hil.contract.messages import Action, BoardState, Contact, VehicleState
-from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleDevice, VehicleLink
+from hil.contract.messages import Action, Contact, VehicleState
+from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleLink
 from hil.safety.limits import GateLimits
 from hil.safety.vehicle_gate import VehicleGate
+from hil.scoring.verdict import NOT_HELD
 from tests.unit.hil.contract.node_fakes import filled
 from vehicle.px4.driver.arming import Arming, Identity
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Note, Odometry, Rates
@@ -46,8 +46,8 @@ class Rig:
         self.node = VehicleLink(self.link, VehicleGate(GateLimits()), **options)
         self.step(NOW - 4 * MS, odometry=True)
 
-    def step(self, now_ns, *given, odometry=False):
-        sample = Odometry(now_ns, (0.0, 0.0, 2.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+    def step(self, now_ns, *given, odometry=False, climb=0.0):
+        sample = Odometry(now_ns, (0.0, 0.0, 2.0), (0.0, 0.0, climb), (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         self.link.output.odometry = [sample] if odometry else []
         outs = self.node.step(now_ns, filled(self.node, *given))
         return {topic: [out.message for out in outs if out.topic == topic] for topic in self.node.outputs}
@@ -111,21 +111,60 @@ def test_vehicle_node_sends_nothing_after_a_trip_and_reports_it_once():
         assert (outs["vehicle/sent"], outs["event"]) == ([], [])
 
 
-@pytest.mark.parametrize(
-    ("verdict", "call"),
-    [
-        (contact("success", attached=True), "kill"),
-        (contact("fail", attached=True), "kill"),
-        (contact("fail"), "release"),
-        (contact("success"), "release"),
-    ],
-)
-def test_after_the_verdict_the_motors_stop_on_the_board_and_land_elsewhere(verdict, call):
+def after_contact(rig, verdict, fall, until_ms=200):
+    """What the driver was told, and when first (ms after the verdict), if the vehicle falls or moves with the board."""
+    for t in range(0, until_ms, 2):
+        speed = -9.0 * t * 1e-3 if fall else 0.1
+        given = [action(NOW + t * MS, (0.1, 0.2, 0.001 * t))] if t % 10 == 0 else []
+        rig.step(NOW + t * MS, verdict, *given, odometry=t % 10 == 0, climb=speed)
+        if rig.link.calls:
+            return set(rig.link.calls), t
+    return set(), until_ms
+
+
+@pytest.mark.parametrize("outcome", ["success", "fail"])
+def test_motors_stop_after_contact_once_the_vehicle_stays_on_the_board(outcome):
+    calls, after_ms = after_contact(Rig(), contact(outcome, attached=True), fall=False)
+    assert calls == {"kill"} and 80 <= after_ms <= 100
+
+
+@pytest.mark.parametrize("outcome", ["success", "fail"])
+def test_vehicle_that_falls_after_contact_goes_back_to_the_autopilot(outcome):
+    rig = Rig()
+    calls, after_ms = after_contact(rig, contact(outcome, attached=True), fall=True)
+    assert calls == {"release"} and after_ms <= 80
+    rig.step(NOW + 400 * MS, contact(outcome, attached=True), odometry=True)
+    assert set(rig.link.calls) == {"release"}, "the decision stands"
+
+
+def test_fall_after_contact_is_reported_once():
+    rig, events = Rig(), []
+    for t in range(0, 200, 10):
+        outs = rig.step(NOW + t * MS, contact("success", attached=True), odometry=True, climb=-9.0 * t * 1e-3)
+        events += outs["event"]
+    assert [(e.severity, e.text) for e in events] == [("error", NOT_HELD)]
+
+
+def test_motors_idle_from_contact_until_it_is_decided_whether_the_magnet_holds():
+    rig = Rig()
+    rig.step(NOW, contact("success", attached=True), action())
+    assert rig.link.commands[-1] == Rates((0.0, 0.0, 0.0), GateLimits().thrust[0])
+
+
+def test_vehicle_without_odometry_after_contact_goes_back_to_the_autopilot():
+    rig = Rig()
+    for t in range(0, 200, 2):
+        rig.step(NOW + t * MS, contact("success", attached=True))
+    assert set(rig.link.calls) == {"release"}
+
+
+@pytest.mark.parametrize("outcome", ["success", "fail"])
+def test_vehicle_that_missed_goes_back_to_the_autopilot(outcome):
     rig = Rig()
     rig.step(NOW, contact("ongoing"))
     assert rig.link.calls == []
-    rig.step(NOW, verdict)
-    assert set(rig.link.calls) == {call}
+    rig.step(NOW, contact(outcome))
+    assert set(rig.link.calls) == {"release"}
 
 
 def test_motors_keep_running_after_contact_with_a_virtual_board():
@@ -166,37 +205,6 @@ def test_motion_capture_is_sent_to_the_autopilot_when_the_rig_enables_it():
     assert "mocap/vehicle" not in rig.node.inputs
     rig.step(NOW)
     assert rig.link.poses[-1] is None
-
-
-class FakeSim:
-    """Notes where it is attached and how far it is stepped."""
-
-    def __init__(self):
-        self.calls = []
-
-    def attach(self, position, orientation, stamp_ns, velocity, turn_rate):
-        self.calls.append(("attach", position, stamp_ns, velocity, turn_rate))
-
-    def step(self, now_ns):
-        self.calls.append(("step", now_ns))
-
-    def truth(self):
-        return SimpleNamespace(
-            position=(1.0, 2.0, 3.0), velocity=(0.0,) * 3, orientation=(1.0, 0.0, 0.0, 0.0), body_rate=(0.0,) * 3
-        )
-
-
-def test_simulated_vehicle_moves_with_the_board_once_attached():
-    sim = FakeSim()
-    node = VehicleDevice(sim)
-    board = BoardState(0, (4.0, 5.0, 1.5), (2.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.0, 2.0, 0.3)
-    for verdict in ((), (contact("ongoing"),), (contact("fail"),), (contact("success", attached=True),)):
-        (out,) = node.step(NOW, filled(node, ("truth/board", board), *verdict))
-        assert (out.topic, out.message.stamp_ns, out.message.position) == ("truth/vehicle", NOW, (1.0, 2.0, 3.0))
-    assert sim.calls == [("step", NOW)] * 3 + [
-        ("attach", (4.0, 5.0, 1.5), 0, (2.0, 0.0, 0.0), 0.3),
-        ("step", NOW),
-    ]
 
 
 def test_vehicle_node_passes_the_conditions_for_arming_to_the_driver():

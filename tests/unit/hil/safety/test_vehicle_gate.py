@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from hil.contract.messages import Action, VehicleState
 from hil.safety.limits import GateLimits
 from hil.safety.vehicle_gate import VehicleGate
+from vehicle.quadrotor.airframe import CommandLimits
 
 NOW = 5_000_000_000
 MS = 1_000_000
@@ -184,3 +185,43 @@ def test_vehicle_gate_clips_negative_thrust_to_a_zero_lower_limit():
     sent = VehicleGate(GateLimits(thrust=(0.0, 18.0))).check(NOW, action(thrust=-1.0), vehicle())
     assert sent is not None
     assert (sent.thrust, sent.limited) == (0.0, True)
+
+
+def repeated(command, times_ms, moving=True, gate=None):
+    """(ms of the trip or None, its reason) of a gate that is given `command(ms)` at `times_ms`."""
+    gate = gate or VehicleGate(LIMITS, CommandLimits(thrust=(4.8, 14.8), body_rate=3.5, rate_lag=0.04))
+    for t in times_ms:
+        now, rate, thrust = NOW + t * MS, *command(t)
+        state = replace(vehicle((1e-3 * t if moving else 0.0, 0.0, 2.0)), stamp_ns=now)
+        gate.check(now, Action(now, True, rate, thrust, "network", now, 1.0), state)
+        if gate.tripped:
+            return t, gate.tripped
+    return None, ""
+
+
+def test_gate_trips_on_a_command_that_repeats_while_the_odometry_changes():
+    t, why = repeated(lambda t: ((0.1, -0.2, 0.3), 9.8), range(0, 1000, 10))
+    assert (t, why) == (300, "command has not changed for 0.30 s, and the odometry has")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        lambda t: ((0.1, -0.2, 0.3), math.nextafter(9.8, 10.0) if t % 20 else 9.8),  # a bit of one number changes
+        lambda t: ((0.1, -0.2, 0.001 * (t // 200)), 9.8),  # a policy of 5 Hz
+        lambda t: ((3.5, -3.5, 0.0), 14.8),  # at its bounds, and no yaw
+        lambda t: ((3.4999, 4.2, 0.0), 4.8001),
+        lambda t: ((5.0, 0.0, 0.0), 20.0),  # clipped
+    ],
+)
+def test_gate_passes_a_command_that_changes_or_is_at_its_bounds(command):
+    assert repeated(command, range(0, 1000, 10)) == (None, "")
+
+
+@pytest.mark.parametrize("command", [((3.5, 0.2, 0.0), 14.8), ((3.5, -3.5, 3.5), 9.8), ((0.0, 0.0, 0.0), 9.81)])
+def test_gate_trips_on_a_command_that_repeats_with_one_number_within_its_bounds(command):
+    assert repeated(lambda t: command, range(0, 1000, 10))[0] == 300
+
+
+def test_gate_passes_a_repeated_command_while_the_odometry_repeats_too():
+    assert repeated(lambda t: ((0.1, -0.2, 0.3), 9.8), range(0, 1000, 10), moving=False) == (None, "")

@@ -60,6 +60,11 @@ def test_safe_endings(messages, expected):
     assert judged(*messages).name == expected
 
 
+def test_vehicle_that_the_magnet_did_not_hold_has_missed():
+    found = judged(("referee/contact", HELD), ON_BOARD, LANDED)
+    assert (found.name, found.why) == (MISSED, ("the magnet did not hold",))
+
+
 def test_attempt_given_up_by_the_host_or_never_begun_is_aborted():
     assert judged(LANDED, trouble="camera has not published").name == ABORTED
     assert judged(LANDED, attempt=False).name == ABORTED

@@ -5,7 +5,7 @@ import pytest
 
 from hil.contract.messages import BoardState, Contact, Detection, Event, Sent, Stage
 from hil.scoring.score import ABORTED, Scorer, score_messages
-from hil.scoring.verdict import verdict_word
+from hil.scoring.verdict import NOT_HELD, verdict_word
 from scenarios.spec import load
 
 START = 2_000_000_000
@@ -76,6 +76,13 @@ def test_attached_and_within_tolerance_are_scored_separately():
     score = score_messages(load("hard-i"), 0, flight(contact(CONTACT, "fail", "distance", True, False)))
     assert (score.attached, score.within_tolerance, score.reasons) == (True, False, ("distance",))
     assert score.metrics.planar is not None
+
+
+def test_vehicle_that_fell_after_contact_is_not_attached():
+    fell = CONTACT + 80_000_000, "event", Event(CONTACT, "error", "vehicle_link", NOT_HELD)
+    score = score_messages(load("hard-i"), 0, [*flight(contact(CONTACT)), fell])
+    assert (score.attached, score.within_tolerance, score.verdict) == (False, True, "missed")
+    assert NOT_HELD in score.reasons
 
 
 @pytest.mark.parametrize("reason", ["ground", "workspace", "time", "not_finite"])
