@@ -94,6 +94,8 @@ class VehicleLink(Node):
         contact: Contact | None = inbox.latest("referee/contact")
         lost = self._end(now_ns, contact) if contact is not None and contact.outcome != "ongoing" else ""
         command, sent, tripped = self._checked(now_ns, self._wanted(inbox.new("policy/action")))
+        if tripped and self._link.phase == "handed_over":  # not from a pilot who has taken over
+            self._link.release()
         pose, refused = self._external_pose(now_ns, inbox)
         output = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]

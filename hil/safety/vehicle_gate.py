@@ -3,8 +3,8 @@
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped trips the gate: a number
 that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence or without fresh
 odometry; odometry that moves faster than the vehicle can; a board that has not been seen for seconds; a command that
-repeats to the last bit while the odometry changes. A trip latches: nothing more is sent, and the autopilot's own
-failsafe acts on the missing commands.
+repeats to the last bit while the odometry changes. A trip latches: no command is sent any more, the driver hands the
+vehicle back to its autopilot, and the autopilot's own failsafe acts on the missing commands if that order is lost.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vehicle.quadrotor.airframe import CommandLimits
 
 _JUMP_M, _JUMP_RAD = 0.5, 0.5  # what an estimator may correct at once, on top of motion within the limits
 _UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
-_REPEAT_NS = 300_000_000  # a policy of 10 Hz repeats each command for 100 ms
+_REPEAT_NS = 200_000_000  # a policy of 10 Hz repeats each command for 100 ms
 _AT_BOUND = 0.999  # share of a bound: a network's last layer comes near it only
 
 

@@ -49,6 +49,9 @@ class Link:
 
     phase, armed, garbage, parameters = "handed_over", True, 0, {}
 
+    def release(self):
+        """The gate hands back."""
+
     def __init__(self, spoil):
         self.spoil, self.sent, self.poses, self.told_ns = spoil, [], [], -1
 

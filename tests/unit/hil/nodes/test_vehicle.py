@@ -19,6 +19,8 @@ NOW = 1_000 * MS
 class FakeLink:
     """Returns a scripted output, records its inputs."""
 
+    phase = "handed_over"
+
     def __init__(self):
         self.commands, self.calls, self.poses = [], [], []
         self.output = LinkOutput("handed_over", True, True, False, False, "OFFBOARD", 15.2, 0.49)
@@ -109,6 +111,15 @@ def test_vehicle_node_sends_nothing_after_a_trip_and_reports_it_once():
         outs = rig.step(NOW + later * 10 * MS, action(NOW + later * 10 * MS), odometry=True)
         assert rig.link.commands[-1] is None
         assert (outs["vehicle/sent"], outs["event"]) == ([], [])
+    assert rig.link.calls == ["release"]
+
+
+@pytest.mark.parametrize("phase", ["hover", "interrupted", "released", "hold"])
+def test_trip_takes_no_vehicle_that_is_not_flown_by_commands(phase):
+    rig = Rig()
+    rig.link.phase = phase
+    rig.step(NOW, action(rate=(math.nan, 0.0, 0.0)))
+    assert rig.link.calls == []
 
 
 def after_contact(rig, verdict, fall, until_ms=200):
