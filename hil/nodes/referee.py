@@ -10,14 +10,20 @@ from hil.contract.messages import BoardState, Contact, Event, Stage, VehicleStat
 from hil.contract.node import Inbox, Node, Out
 from kernel.stamps import later_than_now
 from policies.task import contact as rule
-from policies.task import result_row
+from policies.task import result_row, rules_row
 from vehicle.quadrotor.airframe import ContactGeometry
 
 _TOGETHER_NS = 200_000_000  # between the samples of both bodies
+_ARRIVES_S = 1.0  # an approach that is so near its end is not cut off by the time limit,
+_OVERTIME_S = 1.5  # for so long at most
 
 
 class Referee(Node):
-    """Judges every new pair of motion capture samples while the attempt lasts; the first decision stands."""
+    """Judges every new pair of motion capture samples while the attempt lasts; the first decision stands.
+
+    The time limit does not hand a vehicle back right in front of the board: it would meet it at its approach speed. An
+    approach that ends within a second is awaited, and has failed by time; whether the magnet holds is judged.
+    """
 
     name = "referee"
     inputs = ("mocap/vehicle", "mocap/board", "run/stage")
@@ -44,17 +50,13 @@ class Referee(Node):
             return []  # a body that is hidden, or a broken stamp: a contact cannot be judged by where it was
         inclination, rise = (self._inclination, 0.0) if self._inclination is not None else _moving(board)
         board_row = np.array([*board.position, board.heading, board.speed, board.turn_rate, inclination, 0.0])
-        rule.evaluate(
+        state = (
             np.array(vehicle.position),
             np.array(vehicle.velocity) - (0.0, 0.0, rise),
             np.array(vehicle.orientation),
             np.array(vehicle.body_rate),
-            board_row,
-            (now_ns - stage.attempt_start_ns) * 1e-9,
-            self._rules,
-            self._result,
         )
-        seen = rule.view(self._result)
+        seen = self._judge(state, board_row, (now_ns - stage.attempt_start_ns) * 1e-9)
         contact = Contact(
             vehicle.stamp_ns,
             seen.outcome,
@@ -76,6 +78,19 @@ class Referee(Node):
             Out("referee/contact", contact),
             Out("event", Event(now_ns, "info", self.name, f"{seen.outcome}{why}, {held}")),
         ]
+
+    def _judge(self, state: tuple[np.ndarray, ...], board_row: np.ndarray, elapsed_s: float) -> rule.ContactView:
+        """Algorithm 1 at `elapsed_s` of the attempt; beyond the time limit as the class says."""
+        rule.evaluate(*state, board_row, elapsed_s, self._rules, self._result)
+        seen, limit_s = rule.view(self._result), float(self._rules[rules_row.TIME_LIMIT])
+        if seen.reason != rule.REASONS[rule.TIMEOUT]:
+            return seen
+        rule.evaluate(*state, board_row, limit_s, self._rules, self._result)
+        late = rule.view(self._result)
+        if late.touched:
+            return late._replace(outcome=seen.outcome, reason=seen.reason, within_tolerance=False)
+        arrives = 0.0 < late.height < -_ARRIVES_S * late.normal_speed
+        return late if arrives and elapsed_s < limit_s + _OVERTIME_S else seen
 
 
 def _moving(board: BoardState) -> tuple[float, float]:

@@ -1,10 +1,11 @@
 """The vehicle's safety gate: the last check of a command before the vehicle's wire. Pure: no clock, no I/O.
 
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped trips the gate: a number
-that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence or without fresh
-odometry; odometry that moves faster than the vehicle can; a board that has not been seen for seconds; a command that
-repeats to the last bit while the odometry changes. A trip latches: no command is sent any more, the driver hands the
-vehicle back to its autopilot, and the autopilot's own failsafe acts on the missing commands if that order is lost.
+that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence, about to sink
+through its floor, or without fresh odometry; odometry that moves faster than the vehicle can; a board that has not been
+seen for seconds; a command that repeats to the last bit while the odometry changes. A trip latches: no command is sent
+any more, the driver hands the vehicle back to its autopilot, and the autopilot's own failsafe acts on the missing
+commands if that order is lost.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from vehicle.quadrotor.airframe import CommandLimits
 _JUMP_M, _JUMP_RAD = 0.5, 0.5  # what an estimator may correct at once, on top of motion within the limits
 _UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
 _REPEAT_NS = 200_000_000  # a policy of 10 Hz repeats each command for 100 ms
+_BRAKING = 4.0  # m/s^2, at which a descent can end; perching needs less than 1 above the usual floor
 _AT_BOUND = 0.999  # share of a bound: a network's last layer comes near it only
 
 
@@ -89,6 +91,9 @@ class VehicleGate:
         for axis, value, (low, high) in zip("xyz", vehicle.position, (limits.x, limits.y, limits.z), strict=True):
             if not low <= value <= high:
                 return f"vehicle outside its fence: {axis} = {value:.2f} m, allowed {low:g} to {high:g}"
+        sinks, height = max(0.0, -vehicle.velocity[2]), vehicle.position[2] - limits.z[0]
+        if sinks * sinks > 2.0 * _BRAKING * height:
+            return f"vehicle sinks at {sinks:.1f} m/s, {height:.2f} m above the floor of its fence"
         return self._repeats(now_ns, action, vehicle)
 
     def _repeats(self, now_ns: int, action: Action, vehicle: VehicleState) -> str:

@@ -11,11 +11,11 @@ from hil.cli.main import app
 from hil.host.flight import fly
 from hil.recording import provenance
 from hil.recording.reader import Recording
-from hil.scoring.flight_class import ABORTED, CLASSES, UNSAFE
+from hil.scoring.flight_class import ABORTED, CLASSES, MISSED, UNSAFE
+from hil.scoring.verdict import NOT_HELD
 from scenarios.faults import FaultTable
 from tests.paths import ROOT
 
-KNOWN_UNSAFE = {"magnet.off", "policy.frozen"}  # see docs/limitations.md
 CODE = provenance.Code("git", "0.1.0", "a" * 40)
 
 
@@ -59,6 +59,7 @@ def test_flight_is_drawn_as_without_the_fault_until_it_begins(tmp_path):
     ("fault", "why"),
     [
         (table("policy.nan"), "command is not finite"),
+        (table("policy.frozen"), "command has not changed for 0.20 s"),
         (table("mavlink.down"), ""),
         (table("service.killed"), ""),
         (table("service.killed", service="referee"), "director has not published run/stage"),
@@ -72,6 +73,13 @@ def test_attempt_that_loses_what_it_needs_is_aborted_and_lands(fault, why, tmp_p
     assert any(why in text for text in found.why), found
 
 
+def test_vehicle_whose_magnet_does_not_hold_recovers_and_lands(tmp_path):
+    flight = flown(tmp_path, table("magnet.off"))
+    assert flight.flight_class is not None
+    assert (flight.flight_class.name, flight.flight_class.why) == (MISSED, (NOT_HELD,))
+    assert not flight.score.attached and NOT_HELD in flight.score.reasons
+
+
 def test_fault_whose_condition_never_comes_true_does_not_count(tmp_path):
     flight = flown(tmp_path, table("camera.frozen", at="height > 50"))
     assert flight.flight_class is not None and flight.flight_class.not_begun == ("camera.frozen (height > 50)",)
@@ -79,7 +87,7 @@ def test_fault_whose_condition_never_comes_true_does_not_count(tmp_path):
 
 
 @pytest.mark.slow
-def test_shipped_faults_end_in_one_class_each_and_only_the_known_ones_are_unsafe(tmp_path):
+def test_shipped_faults_end_in_one_class_each_and_none_is_unsafe(tmp_path):
     result = CliRunner().invoke(
         app,
         ["campaign", "simple-i", "--policy", "planner", "--camera", "model", "--seeds", "0..0", "--json",
@@ -89,8 +97,7 @@ def test_shipped_faults_end_in_one_class_each_and_only_the_known_ones_are_unsafe
     report = json.loads(result.stdout.splitlines()[-1])
     assert len(report["faults"]) >= 25
     assert all(sum(row[name] for name in (*CLASSES, "not counted")) == 1 for row in report["faults"])
-    unsafe = {row["fault"] for row in report["faults"] if row[UNSAFE]}
-    assert unsafe <= KNOWN_UNSAFE and result.exit_code == bool(unsafe)
+    assert [row["fault"] for row in report["faults"] if row[UNSAFE]] == [] and result.exit_code == 0
     page = Path(report["page"]).read_text()
     assert "mavlink.down" in page and "magnet.off" in page
 

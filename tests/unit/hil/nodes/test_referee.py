@@ -85,6 +85,31 @@ def test_violated_tolerance_is_named_and_attachment_judged_separately(state, rea
     assert reason in event.text
 
 
+def after_the_limit(seconds, **about):
+    """The outcome, reason, attachment of a vehicle that is `about` there so long after the time limit."""
+    now = START + round((RULES.time_limit + seconds) * 1e9)
+    contact, *_ = judge(Referee(RULES, DISC, TILT), now, vehicle(**about))
+    assert not contact.within_tolerance
+    return contact.outcome, contact.reason, contact.attached
+
+
+def test_approach_that_is_about_to_end_is_awaited_beyond_the_time_limit():
+    assert after_the_limit(0.01, gap=1.4, closing=4.0) == ("ongoing", "", False)
+    assert after_the_limit(1.4, gap=0.5, closing=1.0) == ("ongoing", "", False)
+
+
+def test_contact_after_the_time_limit_has_failed_by_time_and_may_hold():
+    assert after_the_limit(0.5, gap=-0.001, closing=1.0) == ("fail", "time", True)
+    assert after_the_limit(0.5, gap=-0.001, closing=4.0) == ("fail", "time", False)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "gap", "closing"), [(0.01, 4.2, 4.0), (1.6, 0.5, 1.0), (0.01, 0.5, 0.0), (0.01, 0.5, -1.0)]
+)
+def test_vehicle_that_does_not_arrive_fails_at_the_time_limit(seconds, gap, closing):
+    assert after_the_limit(seconds, gap=gap, closing=closing) == ("fail", "time", False)
+
+
 def test_attempt_fails_at_the_time_limit_and_on_the_ground():
     late = START + round(RULES.time_limit * 1e9) + 1_000_000
     contact, _ = judge(Referee(RULES, DISC, TILT), late, vehicle(gap=1.0))

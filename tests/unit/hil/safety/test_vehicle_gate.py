@@ -82,6 +82,8 @@ def test_gate_trips_on_a_non_finite_command(bad, field):
         (vehicle((0.0, 25.1, 2.0)), "outside its fence: y = 25.10 m"),
         (vehicle((0.0, 0.0, 0.2)), "outside its fence: z = 0.20 m, allowed 0.3 to 9"),
         (vehicle((0.0, 0.0, 9.1)), "outside its fence: z = 9.10 m"),
+        (vehicle((0.0, 0.0, 2.0), (0.0, 0.0, -3.7)), "sinks at 3.7 m/s, 1.70 m above the floor of its fence"),
+        (vehicle((0.0, 0.0, 0.4), (0.0, 0.0, -0.9)), "sinks at 0.9 m/s, 0.10 m above the floor of its fence"),
         (vehicle((math.nan, 0.0, 2.0)), "odometry is not finite"),
         (vehicle(velocity=(0.0, math.inf, 0.0)), "odometry is not finite"),
         (replace(vehicle(), orientation=(math.nan, 0.0, 0.0, 0.0)), "odometry is not finite"),
@@ -144,6 +146,11 @@ def test_quaternion_sign_flip_does_not_trip_the_gate():
     gate = VehicleGate(LIMITS)
     assert gate.check(NOW, action(), vehicle()) is not None
     assert gate.check(NOW, action(), replace(vehicle(age_ms=0.0), orientation=(-1.0, 0.0, 0.0, 0.0))) is not None
+
+
+@pytest.mark.parametrize(("height", "climb"), [(2.0, -3.6), (2.0, 7.9), (0.4, -0.85), (0.3, 0.0), (1.5, -2.5)])
+def test_gate_passes_a_descent_that_can_end_above_the_floor(height, climb):
+    assert VehicleGate(LIMITS).check(NOW, action(), vehicle((0.0, 0.0, height), (0.0, 0.0, climb))) is not None
 
 
 def test_gate_passes_commands_at_the_limits():
