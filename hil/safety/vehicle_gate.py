@@ -21,7 +21,7 @@ from vehicle.quadrotor.airframe import CommandLimits
 _JUMP_M, _JUMP_RAD = 0.5, 0.5  # what an estimator may correct at once, on top of motion within the limits
 _UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
 _REPEAT_NS = 200_000_000  # a policy of 10 Hz repeats each command for 100 ms
-_BRAKING = 4.0  # m/s^2, at which a descent can end; perching needs less than 1 above the usual floor
+_BRAKING = 2.5  # m/s^2, at which a descent can end; perching needs about 1 above the usual floor
 _AT_BOUND = 0.999  # share of a bound: a network's last layer comes near it only
 
 
