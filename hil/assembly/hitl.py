@@ -9,7 +9,8 @@ from pathlib import Path
 
 from hil.assembly.rig import VehicleSlot
 from hil.wires import WireError
-from hil.wires.firmware import Firmware
+from hil.wires.determinism import ReservedProcessor, SettledServer
+from hil.wires.firmware import Firmware, check_build
 from hil.wires.simulator import PORT, SimulatorPort, SimulatorServer, check_simulator
 from vehicle.px4.hitl.parameters import firmware_parameters
 from vehicle.quadrotor.airframe import load_airframe
@@ -17,6 +18,7 @@ from vehicle.quadrotor.airframe import load_airframe
 BUILD = "PERCH_HIL_PX4"
 """Environment variable: PX4's build folder where the rig names none."""
 OFFBOARD_PORT = 14540
+_FIRMWARE_PORT = 14580  # the other end of the offboard link: taken by a firmware without our simulator as well
 _LARGEST = 9  # PX4 shares ports between instances above
 
 
@@ -33,10 +35,13 @@ def free_instance(slot: VehicleSlot) -> int:
     if slot.kind != "hitl" or slot.on_hardware or not build_folder(slot):
         return 0
     for instance in range(_LARGEST + 1):
-        if _free(socket.SOCK_STREAM, PORT + instance) and _free(socket.SOCK_DGRAM, OFFBOARD_PORT + instance):
+        ports = ((socket.SOCK_STREAM, PORT), (socket.SOCK_DGRAM, OFFBOARD_PORT), (socket.SOCK_DGRAM, _FIRMWARE_PORT))
+        if all(_free(kind, first + instance) for kind, first in ports):
             return instance
-    ports = f"TCP {PORT} to {PORT + _LARGEST} and UDP {OFFBOARD_PORT} to {OFFBOARD_PORT + _LARGEST}"
-    raise WireError(f"no firmware can be started: of the ports {ports} no pair is free; end other firmwares")
+    raise WireError(
+        f"no firmware can be started: for each i of 0 to {_LARGEST} one of the ports TCP {PORT} + i, "
+        f"UDP {OFFBOARD_PORT} + i and UDP {_FIRMWARE_PORT} + i is in use; end other firmwares"
+    )
 
 
 class HitlWires:
@@ -47,21 +52,41 @@ class HitlWires:
         kind, where, number = check_simulator(slot.simulator)
         self.simulator: SimulatorServer | SimulatorPort
         self._firmware: Firmware | None = None
+        self._reserved: ReservedProcessor | None = None
         if kind == "serial":
             self.simulator = SimulatorPort(where, number)
             return
         build = build_folder(slot)
         if build:
+            check_build(build)
+        elif slot.deterministic:
+            raise WireError(f"deterministic = true needs a firmware that the run starts: give px4 or {BUILD}")
+        self.simulator = (SettledServer if slot.deterministic else SimulatorServer)(where, number + instance)
+        try:
+            self._reserved = ReservedProcessor() if slot.deterministic else None
+        except WireError:
+            self.simulator.close()
+            raise
+        if build:
             parameters = firmware_parameters(load_airframe(slot.airframe), slot.external_pose)
-            self._firmware = Firmware(build, parameters, instance)
-        self.simulator = SimulatorServer(where, number + instance)
+            processor = self._reserved.number if self._reserved is not None else None
+            self._firmware = Firmware(build, parameters, instance, processor=processor)
 
     def start(self, folder: Path) -> None:
         """Start the firmware, its log into `folder`, and wait until one has joined. Raises WireError."""
         if isinstance(self.simulator, SimulatorServer):
             if self._firmware is not None:
                 self._firmware.start(folder)
-            self.simulator.accept(ended=lambda: self._firmware.ended() if self._firmware is not None else "")
+                self.simulator.relaunch = self._relaunch
+            self._accept(self.simulator)
+
+    def _relaunch(self) -> None:
+        assert self._firmware is not None and isinstance(self.simulator, SimulatorServer)
+        self._firmware.restart()
+        self._accept(self.simulator)
+
+    def _accept(self, server: SimulatorServer) -> None:
+        server.accept(ended=lambda: self._firmware.ended() if self._firmware is not None else "")
 
     @property
     def lost(self) -> str:
@@ -71,6 +96,8 @@ class HitlWires:
     def close(self) -> None:
         """Close the link and end the firmware; may be called twice."""
         self.simulator.close()
+        if self._reserved is not None:
+            self._reserved.release()
         if self._firmware is not None:
             self._firmware.stop()
 

@@ -12,7 +12,7 @@ from hil.assembly import car, deciding, sensing, vehicle
 from hil.assembly.parts import Parts
 from hil.assembly.rig import Rig
 from hil.contract.node import Node
-from hil.faults.fault import Setting
+from hil.faults.fault import FIRMWARE, Setting
 
 PriorityClass = Literal["control", "detection", "off_path", "rendering", "recording"]
 
@@ -114,4 +114,5 @@ def driving_services() -> tuple[str, ...]:
 def fault_setting(rig: Rig, *, live: bool) -> Setting:
     """What the kinds of faults must know of a run with `rig`."""
     simulated = [slot for slot in ("vehicle", "groundcar", "camera", "mocap") if getattr(rig, slot).kind == "sim"]
+    simulated += [FIRMWARE] if rig.vehicle.kind == "hitl" else []
     return Setting(service_nodes(rig), simulated, rig.camera.source == "pictures", live)

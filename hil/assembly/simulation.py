@@ -49,7 +49,8 @@ class MemoryWires:
         if self._slot.kind != "hitl":
             return self._vehicle[0]
         url = offboard_url(self._slot, self._instance)
-        self._offboard = BarrierWire(open_url(url, self.vehicle_system()), lambda: BASE_US + self._clock() // 1000)
+        wire = open_url(url, self.vehicle_system())
+        self._offboard = BarrierWire(wire, lambda: BASE_US + self._clock() // 1000, self._slot.deterministic)
         return self._offboard
 
     def vehicle_device(self) -> object:

@@ -35,6 +35,10 @@ class Parameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+FIRMWARE = "firmware"
+"""In `Setting.simulated`: the vehicle is our plant, flown by a real firmware."""
+
+
 @dataclass(frozen=True)
 class Setting:
     """What a kind must know of the run: which nodes it has by service, which slots are simulated, whether there are

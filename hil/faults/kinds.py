@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.contract.node import Node
-from hil.faults import camera, car, detector, mavlink, mocap, policy, services, vehicle
+from hil.faults import camera, car, detector, firmware, mavlink, mocap, policy, services, vehicle
 from hil.faults.fault import Fault, Setting
 from hil.faults.node import FaultyNode
 from hil.faults.timetable import Timetable
@@ -18,7 +18,7 @@ from scenarios.faults import FaultTable
 
 DIRECTOR = "director"
 
-_FAMILIES = (camera, detector, mocap, mavlink, vehicle, car, policy, services)
+_FAMILIES = (camera, detector, mocap, mavlink, vehicle, firmware, car, policy, services)
 KINDS: dict[str, type[Fault]] = {one.kind: one for family in _FAMILIES for one in family.KINDS}
 
 

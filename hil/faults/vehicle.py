@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from hil.contract.messages import Contact
-from hil.faults.fault import Fault, Host, Parameters, Share
+from hil.faults.fault import FIRMWARE, Fault, Host, Parameters, Setting, Share
 from hil.nodes.vehicle_device import VehicleDevice
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.px4.sim.rows import estimate_error
@@ -30,7 +30,16 @@ def _sim(host: Host) -> Px4Sim:
 
 
 class _Vehicle(Fault):
+    """`plant_only`: it acts on the body and its surroundings, whatever autopilot flies it."""
+
     nodes, device = ("vehicle_device",), "vehicle"
+    plant_only: ClassVar[bool] = False
+
+    @classmethod
+    def complaint(cls, parameters: Any, setting: Setting) -> str:
+        if FIRMWARE in setting.simulated:
+            return "" if cls.plant_only else "acts on the software PX4, and this rig has a real firmware"
+        return super().complaint(parameters, setting)
 
 
 class AutopilotReboot(_Vehicle):
@@ -123,7 +132,7 @@ class _Gust:
 class WindGust(_Vehicle):
     """A gust of (x, y, z) m/s on top of the scenario's wind."""
 
-    kind = "wind.gust"
+    kind, plant_only = "wind.gust", True
 
     class Parameters(Parameters):
         x: Speed = 6.0
@@ -145,7 +154,7 @@ class WindGust(_Vehicle):
 class MagnetOff(_Vehicle):
     """The magnet does not hold."""
 
-    kind = "magnet.off"
+    kind, plant_only = "magnet.off", True
 
     def incoming(self, topic: str, message: Any) -> Any | None:
         return replace(message, attached=False) if isinstance(message, Contact) else message

@@ -17,7 +17,7 @@ class FirmwareVehicle(VehicleDevice):
 
     def __init__(self, body: HitlVehicle, wind: Wind | None = None) -> None:
         super().__init__(body, wind)
-        self._body = body
+        self.body = body
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         """Raises WireError for a firmware that has gone, does not answer or must not be flown: the run ends."""
@@ -25,12 +25,12 @@ class FirmwareVehicle(VehicleDevice):
             outs = super().step(now_ns, inbox)
         except FirmwareFault as error:
             raise WireError(str(error)) from None
-        notes = self._body.take_notes()
+        notes = self.body.take_notes()
         return outs + [Out("event", Event(now_ns, "warning", self.name, f"firmware: {text}")) for text in notes]
 
     @property
     def counters(self) -> dict[str, int]:
         return {
-            "steps that the firmware did not answer": self._body.unanswered,
-            "actuator controls that were refused": self._body.controls.rejected,
+            "steps that the firmware did not answer": self.body.unanswered,
+            "actuator controls that were refused": self.body.controls.rejected,
         }

@@ -2,7 +2,8 @@
 
 The other end is a process with threads of its own, which the host's clock must not leave behind. What is sent has been
 processed before `send` returns: a PING follows it, which the firmware answers where it receives, after all before it.
-And `receive` waits for odometry that is due, once it comes as often as it was asked for.
+And `receive` waits for odometry that is due, once it comes as often as it was asked for; or, where two runs have to be
+equal, for the answer to a PING at each new time, which comes after all that the firmware had sent before.
 """
 
 from __future__ import annotations
@@ -15,19 +16,16 @@ from vehicle.px4.codec import MESSAGES, Packer, Parser
 
 _PATIENCE_S = 0.2
 _IDS = (245, 51)
-_FAST_US, _LATE_US, _STOPPED_US = (
-    14_000,
-    16_000,
-    500_000,
-)  # between two odometries; age of the last; age of a lost stream
+_FAST_US, _LATE_US, _STOPPED_US = 14_000, 16_000, 500_000  # between two odometries; age of the last, of a lost stream
 
 
 class BarrierWire:
     """A byte wire around another one. `missed` counts PINGs and odometries that did not come in time."""
 
-    def __init__(self, wire: Any, clock_us: Callable[[], int]) -> None:
-        """`clock_us`: the firmware's time."""
-        self._wire, self._clock_us = wire, clock_us
+    def __init__(self, wire: Any, clock_us: Callable[[], int], deterministic: bool = False) -> None:
+        """`clock_us`: the firmware's time. `deterministic`: what has come by a time never depends on wall time."""
+        self._wire, self._clock_us, self._deterministic = wire, clock_us, deterministic
+        self._received_us = -1
         self._packer, self._parser = Packer(*_IDS), Parser()
         self._waiting: list[bytes] = []
         self._ping, self._odometry = MESSAGES["PING"], MESSAGES["ODOMETRY"].id
@@ -38,33 +36,43 @@ class BarrierWire:
     def send(self, data: bytes) -> None:
         """Send, and wait until it has been processed; not before the firmware has been heard."""
         self._wire.send(data)
-        if self._heard:
-            self._sequence += 1
-            self._wire.send(self._packer.pack(self._ping, 0, self._sequence, 0, 0))
-            self._wait(lambda: self._answered != self._sequence)
+        self._exchange()
 
     def receive(self) -> list[bytes]:
         """What has come, oldest first, and the odometry that is due."""
         self._poll()
-        self._wait(self._due)
+        if not self._deterministic:
+            self._wait(self._due)
+        elif self._clock_us() != self._received_us:
+            self._received_us = self._clock_us()
+            self._exchange()
         pieces, self._waiting = self._waiting, []
         return pieces
 
     def close(self) -> None:
         self._wire.close()
 
+    def _exchange(self) -> None:
+        """A PING and its answer. A firmware that does not answer is asked again once it has been heard again."""
+        if self._heard:
+            self._sequence += 1
+            self._wire.send(self._packer.pack(self._ping, 0, self._sequence, 0, 0))
+            self._heard = self._wait(lambda: self._answered != self._sequence)
+
     def _due(self) -> bool:
         age_us = self._clock_us() - self._stamp_us
         return 0 < self._gap_us <= _FAST_US and _LATE_US < age_us < _STOPPED_US
 
-    def _wait(self, while_: Callable[[], bool]) -> None:
+    def _wait(self, while_: Callable[[], bool]) -> bool:
+        """Whether it ended in time."""
         until = time.monotonic() + _PATIENCE_S
         while while_():
             self._poll()
             if time.monotonic() > until:
                 self.missed += 1
                 self._gap_us = -1  # a stream that has stopped is not waited for at every step
-                return
+                return False
+        return True
 
     def _poll(self) -> None:
         pieces = self._wire.receive()

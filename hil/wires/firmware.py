@@ -1,5 +1,7 @@
 """A PX4 SITL firmware as a process: started in a folder of its own, ended with the run, its log kept.
 
+A restart keeps the folder, and with it the parameters, as a flight controller does.
+
 The build folder is the one that PX4's build makes (build/px4_sitl_default): it holds bin/px4 and etc.
 """
 
@@ -37,14 +39,24 @@ def check_build(folder: str) -> Path:
 class Firmware:
     """One firmware process. `start` it, and `stop` it at the end of the run."""
 
-    def __init__(self, build: str, parameters: Mapping[str, float], instance: int = 0, model: str = MODEL) -> None:
-        """`parameters`: name -> value, set before it boots. Raises WireError for a folder without PX4."""
+    def __init__(
+        self,
+        build: str,
+        parameters: Mapping[str, float],
+        instance: int = 0,
+        model: str = MODEL,
+        processor: int | None = None,
+    ) -> None:
+        """`parameters`: name -> value, set before it boots. `processor`: the only one that it may use; None: any.
+
+        Raises WireError for a folder without PX4."""
         self._build, self._instance = check_build(build), instance
         self._environment = {
             **{name: value for name, value in os.environ.items() if not name.startswith("PX4_")},
             **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()},
             "PX4_SIM_MODEL": model,
         }
+        self._processors = None if processor is None else {processor}
         self._process: subprocess.Popen[bytes] | None = None
         self._work: Path | None = None
         self._folder: Path | None = None
@@ -52,13 +64,22 @@ class Firmware:
     def start(self, folder: Path) -> None:
         """Start it; its log goes into `folder`. Raises WireError if it cannot be executed."""
         self._folder, self._work = folder, Path(tempfile.mkdtemp(prefix="perch-firmware-"))
+        self._launch()
+
+    def restart(self) -> None:
+        """End it as a loss of power does, and start it anew. Raises WireError if it cannot be executed."""
+        self._end((signal.SIGKILL,))
+        self._launch()
+
+    def _launch(self) -> None:
+        assert self._folder is not None
         binary = str(self._build / "bin/px4")
         command = [binary, "-d", "-i", str(self._instance), "-w", str(self._work), str(self._build / "etc")]
         try:
-            with (folder / LOG).open("wb") as log:
+            with (self._folder / LOG).open("ab") as log:
                 self._process = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, cwd=self._work,
-                    env=self._environment, start_new_session=True, preexec_fn=_end_with_parent,
+                    env=self._environment, start_new_session=True, preexec_fn=self._prepare,
                 )  # fmt: skip
         except OSError as error:
             raise WireError(f"{binary} cannot be started: {error.strerror}") from None
@@ -70,18 +91,26 @@ class Firmware:
 
     def stop(self) -> None:
         """End it and keep its flight log; may be called twice."""
-        process, self._process = self._process, None
-        if process is not None:
-            for number in (signal.SIGTERM, signal.SIGKILL):
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(process.pid, number)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(_GRACE_S)
-                    break
+        self._end((signal.SIGTERM, signal.SIGKILL))
         work, self._work = self._work, None
         if work is not None:
             self._keep(work)
             shutil.rmtree(work, ignore_errors=True)
+
+    def _prepare(self) -> None:
+        """In the new process: it ends with its parent, and keeps to its processor."""
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if self._processors is not None:
+            os.sched_setaffinity(0, self._processors)
+
+    def _end(self, signals: tuple[int, ...]) -> None:
+        process, self._process = self._process, None
+        for number in signals if process is not None else ():
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_GRACE_S)
+                break
 
     def _keep(self, work: Path) -> None:
         """The last flight log; a full disk loses it and nothing else."""
@@ -89,7 +118,3 @@ class Firmware:
         if logs and self._folder is not None:
             with contextlib.suppress(OSError):
                 shutil.copyfile(logs[-1], self._folder / FLIGHT_LOG)
-
-
-def _end_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

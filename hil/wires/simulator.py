@@ -45,7 +45,8 @@ class SimulatorServer:
     def __init__(self, host: str = "127.0.0.1", port: int = PORT) -> None:
         """Listen. Raises WireError for a port that is in use or may not be bound."""
         self._name, self._client = f"TCP port {port} on {host}", None
-        self.answered = False  # set once controls have come: before, the firmware still starts its modules
+        self._patience_s = BOOT_PATIENCE_S
+        self.relaunch: Callable[[], None] | None = None  # starts its firmware anew, where the run has started it
         self._server = socket.socket()
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -69,6 +70,8 @@ class SimulatorServer:
                 raise WireError(
                     f"no firmware joined {self._name} within {limit_s:g} s: start PX4's SITL with the model none_iris"
                 )
+        if self._client is not None:
+            self._client.close()
         self._client, _ = self._server.accept()
         self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._client.settimeout(CONNECT_S)
@@ -86,7 +89,7 @@ class SimulatorServer:
         """What the firmware sent, once something has come; empty after waiting in vain. Raises WireError if it has
         left."""
         assert self._client is not None
-        if not select.select([self._client], [], [], PATIENCE_S if self.answered else BOOT_PATIENCE_S)[0]:
+        if not select.select([self._client], [], [], self._patience_s)[0]:
             return []
         try:
             data = self._client.recv(65536)
@@ -95,6 +98,16 @@ class SimulatorServer:
         if not data:
             raise WireError(f"the firmware at {self._name} has left: see its log in the run's folder")
         return [data]
+
+    def mark_answered(self, answered: bool) -> None:
+        """Whether controls have come: before, the firmware still starts its modules."""
+        self._patience_s = PATIENCE_S if answered else BOOT_PATIENCE_S
+
+    def restart(self) -> None:
+        """End the firmware as a loss of power does, and wait until it has joined anew. Raises WireError."""
+        if self.relaunch is None:
+            raise WireError(f"the firmware at {self._name} was not started by this run and cannot be restarted by it")
+        self.relaunch()
 
     def close(self) -> None:
         """Close both sockets; may be called twice."""
@@ -108,4 +121,10 @@ class SimulatorPort(SerialWire):
     """The serial port of a flight controller in HITL mode: real time, nothing waits."""
 
     lockstep = False
-    answered = False
+
+    def mark_answered(self, answered: bool) -> None:
+        """Nothing waits."""
+
+    def restart(self) -> None:
+        """Raises WireError: a controller has no switch here."""
+        raise WireError("a flight controller cannot be restarted from here")

@@ -116,6 +116,9 @@ def test_two_runs_at_once_take_two_instances(stand_in):
         taken.bind(("127.0.0.1", 4560 + first))
         taken.listen(1)
         assert hitl.free_instance(slot) > first
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as firmware:
+        firmware.bind(("127.0.0.1", 14580 + first))
+        assert hitl.free_instance(slot) > first, "one that flies its own simulation listens there"
 
 
 def test_rig_check_says_what_a_run_would_start(stand_in, tmp_path):

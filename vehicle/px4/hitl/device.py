@@ -13,11 +13,11 @@ import numpy as np
 
 from kernel.random import stream
 from kernel.rotations import from_euler
-from vehicle.px4.codec import Packer, Parser
-from vehicle.px4.hitl import rows
+from vehicle.px4.codec import Parser
 from vehicle.px4.hitl.controls import MotorControls
-from vehicle.px4.hitl.messages import BARO, COMPONENT, IMU, MAG, SYSTEM, hil_gps, hil_sensor, hil_state
-from vehicle.px4.hitl.sensors import SensorNoise, draw_errors, sense, sense_gps
+from vehicle.px4.hitl.messages import hil_state
+from vehicle.px4.hitl.sensors import SensorNoise
+from vehicle.px4.hitl.suite import SensorSuite
 from vehicle.px4.protocol import AUTOPILOT_PX4, BaseMode, Command, mavlink
 from vehicle.px4.sim.grip import Grip
 from vehicle.px4.sim.plant import TICK_NS, body_tick
@@ -29,7 +29,6 @@ from vehicle.quadrotor.dynamics import vehicle_row
 
 BASE_US = 1_000_000  # the firmware's time at ours of 0: a stamp of 0 is none for PX4
 SUBSTEPS = 2
-MAG_TICKS, BARO_TICKS, GPS_TICKS = 5, 5, 25  # 50, 50 and 10 Hz
 _CATCH_UP = 25  # ticks in one step: a firmware that lags behind real time is not chased for longer
 _NO_BATTERY = 65535  # mV: not measured
 _MUTE = 1500  # the same before its first answer, while it starts its modules
@@ -41,7 +40,12 @@ class SimulatorWire(Protocol):
     nothing only after it has waited in vain; that of a serial port never waits."""
 
     lockstep: bool
-    answered: bool  # whether controls have come
+
+    def mark_answered(self, answered: bool, /) -> object:
+        """Whether controls have come: before, the firmware still starts its modules."""
+
+    def restart(self) -> object:
+        """End the firmware as a loss of power does, and start it anew."""
 
     def send(self, data: bytes, /) -> object: ...
 
@@ -73,18 +77,15 @@ class HitlVehicle:
         `params_row`: the plant's if it is not the airframe's own. `gps`: False where the autopilot has motion capture
         only. `powered`: a flight controller may have its motors' battery connected.
         """
-        self._wire, self._gps, self._powered = wire, gps, powered
+        self._wire, self._powered = wire, powered
         self._row = vehicle_row(position, from_euler(0.0, 0.0, yaw))
         self._params = (airframe.params_row() if params_row is None else params_row).copy()
         self._body = np.zeros(situation.LENGTH)
         self._body[situation.GROUND] = position[2]
         self._body[situation.HEALTH : situation.HEALTH + 4] = 1.0
         self._grip = Grip(self._row, self._body)
-        self._stream = stream(seed, 0x417)
-        self._noise = (noise or SensorNoise()).row()
-        self._error = draw_errors(self._noise, self._stream)
-        self._reading, self._fix = np.zeros(rows.READING_LENGTH), np.zeros(6)
-        self._packer, self._parser = Packer(SYSTEM, COMPONENT), Parser()
+        self.sensors = SensorSuite(self._row, noise or SensorNoise(), stream(seed, 0x417), gps)
+        self._parser = Parser()
         self.controls = MotorControls()
         self.unanswered = 0  # ticks that the firmware did not answer
         self._silent = 0
@@ -124,17 +125,12 @@ class HitlVehicle:
         if not self._admitted:
             self._admit()
             return
-        time_us, fields = BASE_US + self._now_ns // 1000, IMU
-        if self._gps and self._ticks % GPS_TICKS == 0:
-            sense_gps(self._row, self._error, self._noise, self._stream, GPS_TICKS * TICK_NS * 1e-9, self._fix)
-            self._wire.send(hil_gps(self._packer, time_us, self._fix))
+        time_us = BASE_US + self._now_ns // 1000
         if self._truth_ticks and self._ticks % self._truth_ticks == 0:
             force = tuple(self._row[state_row.F : state_row.F + 3].tolist())
-            self._wire.send(hil_state(self._packer, time_us, self.truth(), force))
-        sense(self._row, self._error, self._noise, self._stream, self._reading)
-        fields |= MAG if self._ticks % MAG_TICKS == 0 else 0
-        fields |= BARO if self._ticks % BARO_TICKS == 0 else 0
-        self._wire.send(hil_sensor(self._packer, time_us, self._reading, fields))
+            self._wire.send(hil_state(self.sensors.packer, time_us, self.truth(), force))
+        for message in self.sensors.messages(time_us):
+            self._wire.send(message)
         self._ticks += 1
         if self._wire.lockstep:
             self._await(time_us)
@@ -163,8 +159,9 @@ class HitlVehicle:
         for piece in data:
             for frame in self._parser.feed(piece):
                 if frame.name == "HIL_ACTUATOR_CONTROLS":
+                    if not self.controls.count:
+                        self._wire.mark_answered(True)
                     self.controls.receive(frame.fields)
-                    self._wire.answered = True
                 elif frame.name == "COMMAND_LONG" and frame.fields.command == Command.SET_MESSAGE_INTERVAL:
                     self._interval(frame.fields)
 
@@ -210,6 +207,12 @@ class HitlVehicle:
         """What was odd about the firmware since the last call."""
         notes, self._notes = self._notes + self.controls.take_faults(), []
         return notes
+
+    def reboot(self) -> None:
+        """The firmware restarts: the motors stop, and it boots where the vehicle is."""
+        self._wire.restart()
+        self._wire.mark_answered(False)
+        self._parser, self.controls, self._silent = Parser(), MotorControls(), 0
 
     def set_wind(self, velocity: Vec3) -> None:
         """Velocity of the air (m/s, world) from now on."""

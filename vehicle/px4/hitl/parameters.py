@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vehicle.px4.hitl.suite import GPS_DELAY_MS
 from vehicle.px4.sim.params import RATE_LOOP
 from vehicle.quadrotor.airframe import Airframe
 
@@ -23,5 +24,6 @@ def firmware_parameters(frame: Airframe, external_pose: bool = False) -> dict[st
         values[f"PWM_MAIN_FUNC{i + 1}"] = 101 + i
     values |= {name: float(row[index]) for name, index in RATE_LOOP.items()}
     values |= {"MPC_THR_HOVER": frame.hover_thrust, "IMU_INTEG_RATE": 250, "THR_MDL_FAC": 0.0}
+    values |= {"EKF2_GPS_DELAY": GPS_DELAY_MS}  # a SITL's is 10
     values |= {"SDLOG_MODE": 0, "SYS_HAS_MAG": 1, "EKF2_MULTI_IMU": 1, "SENS_IMU_MODE": 1}
     return values | (EXTERNAL_POSE if external_pose else {})

@@ -11,11 +11,13 @@ from hil.assembly.plan import Plan
 from hil.assembly.rig import load_rig
 from hil.contract.messages import Faults
 from hil.contract.node import Inbox, Node
-from hil.faults import services
+from hil.faults import firmware, services
 from hil.faults.kinds import KINDS, check_faults, read_parameters, with_faults
 from kernel.toml_errors import ConfigError
 from scenarios.faults import FaultTable
 
+FIRMWARE_RIG = load_rig("px4-firmware")
+ON_FIRMWARE = [one.kind for one in firmware.KINDS]
 SIM, MODEL = load_rig("sim"), Plan("simple-i", "sim", None, "model").rig
 SERVICES_OF_MODEL = fault_setting(MODEL, live=True).services
 
@@ -28,7 +30,8 @@ def table(kind, **values):
 def test_every_kind_is_described_and_acts_with_its_defaults(kind):
     assert KINDS[kind].__doc__ and "." in kind
     one = KINDS[kind]
-    setting = fault_setting(SIM, live=True)
+    rig = FIRMWARE_RIG if kind in ON_FIRMWARE else SIM
+    setting = fault_setting(rig, live=one is not firmware.FirmwareReboot)
     check_faults([table(kind)], setting)
     assert set(one.places(read_parameters(table(kind)), setting)) <= set(setting.nodes)
 
@@ -58,6 +61,27 @@ def test_faults_of_simulated_devices_are_refused_on_real_ones():
     for kind in ("motor.loss", "car.dead"):
         with pytest.raises(ConfigError, match="this rig has a real one"):
             check_faults([table(kind)], fault_setting(field, live=True))
+
+
+@pytest.mark.parametrize("kind", ON_FIRMWARE)
+def test_faults_of_a_firmware_are_refused_where_none_flies(kind):
+    with pytest.raises(ConfigError, match=f"fault {kind}: acts on a real firmware .* fly the rig px4-firmware"):
+        check_faults([table(kind)], fault_setting(SIM, live=False))
+
+
+@pytest.mark.parametrize("kind", ["autopilot.reboot", "estimator.jump", "battery.sag", "motor.loss", "motor.slow"])
+def test_faults_of_the_software_px4_are_refused_where_a_firmware_flies(kind):
+    with pytest.raises(ConfigError, match=f"fault {kind}: acts on the software PX4, and this rig has a real firmware"):
+        check_faults([table(kind)], fault_setting(FIRMWARE_RIG, live=False))
+
+
+def test_faults_of_the_surroundings_act_whatever_autopilot_flies():
+    check_faults([table("wind.gust"), table("magnet.off")], fault_setting(FIRMWARE_RIG, live=False))
+
+
+def test_reboot_of_a_firmware_is_refused_in_a_live_run():
+    with pytest.raises(ConfigError, match="without --live"):
+        check_faults([table("firmware.reboot")], fault_setting(FIRMWARE_RIG, live=True))
 
 
 def test_plan_refuses_an_unknown_fault(tmp_path):

@@ -74,6 +74,31 @@ def test_firmware_that_does_not_answer_is_counted(ends, monkeypatch):
     assert other.got[-1] == "closed"
 
 
+def test_firmware_that_was_silent_is_asked_again_once_it_is_heard(ends, monkeypatch):
+    wire, other = ends
+    monkeypatch.setattr(barrier, "_PATIENCE_S", 0.02)
+    other.waiting.append(b"\xfd")
+    wire.receive()
+    other.deaf = True
+    for _ in range(5):
+        wire.send(frame())
+    assert wire.missed == 1, "waited for once"
+    other.deaf = False
+    other.waiting.append(b"\xfd")
+    wire.receive()
+    wire.send(frame())
+    assert (other.got[-1], wire.missed) == ("PING", 1)
+
+
+def test_where_runs_are_equal_each_new_time_is_waited_for():
+    other = Other()
+    wire = BarrierWire(other, lambda: other.now_us, deterministic=True)
+    other.waiting.append(b"\xfd")
+    for other.now_us in (0, 0, 4000, 4000):
+        wire.receive()
+    assert other.got == ["PING", "PING"]
+
+
 def test_odometry_that_is_due_is_waited_for(ends):
     wire, other = ends
     for time_us in (0, 8000, 16000):

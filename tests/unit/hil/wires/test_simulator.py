@@ -68,7 +68,7 @@ def test_firmware_that_says_nothing_is_waited_for_a_moment(joined, monkeypatch):
     began = time.monotonic()
     assert server.receive() == []
     assert time.monotonic() - began < 0.15, "short before its first controls"
-    server.answered = True
+    server.mark_answered(True)
     began = time.monotonic()
     assert server.receive() == []
     assert time.monotonic() - began > 0.15

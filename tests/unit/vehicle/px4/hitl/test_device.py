@@ -23,7 +23,13 @@ class Firmware:
     def __init__(self, lockstep=True, motors=(0.0,) * 4, armed=True, flags=1):
         self.lockstep, self.motors, self.armed, self.flags = lockstep, motors, armed, flags
         self.log, self.parser, self.packer, self.waiting = [], Parser(), Packer(1, 1), deque()
-        self.mute = False
+        self.mute, self.starts, self.answered = False, 1, False
+
+    def mark_answered(self, answered):
+        self.answered = answered
+
+    def restart(self):
+        self.starts += 1
 
     def send(self, data):
         for frame in self.parser.feed(data):
@@ -71,8 +77,22 @@ def test_sensors_come_at_their_own_rates_on_the_hosts_clock():
     assert sum(bool(s.fields_updated & 0b111000000) for s in sensors) == 51
     assert sum(s.fields_updated & 0b1101000000000 == 0b1101000000000 for s in sensors) == 51
     fixes = firmware.of("HIL_GPS")
-    assert len(fixes) == 11
+    assert len(fixes) == 9, "the first one comes after the receiver's delay"
     assert (fixes[0].fix_type, fixes[0].lat, fixes[0].lon, fixes[0].alt) == (3, 473977422, 85455941, 489400)
+
+
+def test_fix_is_as_old_as_the_estimator_takes_it_to_be():
+    """EKF2_GPS_DELAY is 110 ms by default, and PX4 stamps a fix with its clock of the tick before."""
+    firmware = Firmware(motors=(1.3 * HOVER,) * 4)
+    body, climb = vehicle(firmware), []
+    for i in range(251):
+        body.step(i * TICK)
+        climb.append(body.truth().position[2])
+    sent = next(i for i, (name, _) in enumerate(firmware.log) if name == "HIL_GPS")
+    assert sum(name == "HIL_SENSOR" for name, _ in firmware.log[:sent]) == 28
+    last = firmware.of("HIL_GPS")[-1]
+    assert last.alt == pytest.approx(489400 + 1000 * climb[200], abs=1)
+    assert climb[228] - climb[200] > 0.2
 
 
 def test_without_gps_none_is_sent():
