@@ -23,6 +23,7 @@ from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Rates
 _KILL_NS = 100_000_000
 _TAKEN_OFF_M = 1.0  # above the ground; from here it flies to the start
 _CLIMB_M = 1.5  # above the ground, of the take-off's set-point
+_OURS = (px4.OFFBOARD, px4.LAND, px4.RTL)  # modes that this driver, or a failsafe in its flight, has brought about
 _IN_FLIGHT = ("takeoff", "goto", "hover", "handed_over", "interrupted", "hold")
 
 
@@ -157,11 +158,7 @@ class Px4Link(GroundPhases):
     def _step_released(self, now_ns: int) -> None:
         autopilot = self._autopilot
         if not autopilot.armed:
-            if (
-                autopilot.mode != px4.HOLD and self._late()
-            ):  # PX4 falls back to OFFBOARD, where it cannot be armed again
-                self._asked = self._t
-                self._send.mode(px4.HOLD)
+            self._rest()
         elif autopilot.mode != px4.LAND or autopilot.failsafe:  # a failsafe's landing would end when a stream resumes
             if self._ask("landing was refused"):
                 self._send.mode(px4.LAND)
@@ -170,7 +167,11 @@ class Px4Link(GroundPhases):
             self._send.disarm(force=False)
 
     def _step_failed(self, now_ns: int) -> None:
-        if self._ours and self._autopilot.armed and self._autopilot.mode != px4.LAND and self._late():
+        if not self._ours:
+            return
+        if not self._autopilot.armed:
+            self._rest()
+        elif self._autopilot.mode != px4.LAND and self._late():
             self._asked = self._t
             self._send.mode(px4.LAND)
 
@@ -182,8 +183,18 @@ class Px4Link(GroundPhases):
         if self._asked is None or (self._autopilot.armed and self._t - self._asked >= _KILL_NS):
             self._asked, self._acks_seen = self._t, self._autopilot.acks.get(ARM, (0, 0))[1]
             self._send.disarm(force=True)
+        if not self._autopilot.armed:
+            self._rest()
 
     # shared by the phases
+
+    def _rest(self) -> None:
+        """Leave a disarmed autopilot in HOLD: in OFFBOARD, into which PX4 falls back, it cannot be armed again.
+
+        A pilot's mode is left as it is."""
+        if self._autopilot.mode in _OURS and self._late():
+            self._asked = self._t
+            self._send.mode(px4.HOLD)
 
     def _check_control(self) -> None:
         """Give control up for good if the vehicle is flown by a failsafe or a pilot, or commands have stopped."""

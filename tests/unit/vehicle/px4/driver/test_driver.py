@@ -212,9 +212,11 @@ def test_kill_in_the_air_stops_the_motors_at_once():
     bench.run(0.1, hover)
     assert (bench.out.phase, bench.out.armed) == ("killed", False)
     assert bench.sim.truth().velocity[2] < -0.5
+    bench.run(1.0, hover)
+    assert bench.sim.flight.intended == px4.HOLD, "else PX4 stays in OFFBOARD and refuses to arm again"
     bench.uplink.clear()
     bench.run(1.2, hover)
-    assert bench.asked == {"TIMESYNC", "HEARTBEAT"}, "the kill is not repeated once it is confirmed"
+    assert bench.asked == {"TIMESYNC", "HEARTBEAT"}, "neither is repeated once it is confirmed"
 
 
 def test_kill_is_repeated_until_the_autopilot_disarms():
