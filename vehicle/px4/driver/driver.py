@@ -176,14 +176,16 @@ class Px4Link(GroundPhases):
             self._send.mode(px4.LAND)
 
     def _step_killed(self, now_ns: int) -> None:
-        if self.phase != "killed":
+        begins = self.phase != "killed"
+        if begins:
             self._enter("killed")
-        elif self._new_ack(ARM) == px4.Result.ACCEPTED:
+        elif self._autopilot.armed and self._new_ack(ARM) == px4.Result.ACCEPTED:
             self._autopilot.arming_answered(False, now_ns)
-        if self._asked is None or (self._autopilot.armed and self._t - self._asked >= _KILL_NS):
+            self._asked = None
+        if begins or (self._autopilot.armed and (self._asked is None or self._t - self._asked >= _KILL_NS)):
             self._asked, self._acks_seen = self._t, self._autopilot.acks.get(ARM, (0, 0))[1]
             self._send.disarm(force=True)
-        if not self._autopilot.armed:
+        elif not self._autopilot.armed:
             self._rest()
 
     # shared by the phases

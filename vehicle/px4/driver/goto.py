@@ -8,6 +8,7 @@ from kernel.rotations import wrap_angle, yaw
 from vehicle.px4.driver.types import LinkConfig, Odometry, Vec3
 
 _HEADING = 0.1  # rad, of the hover
+_CALM_S = 0.1  # body rates are averaged over: single ones show the frame's vibrations
 _ENOUGH = 5  # thrust samples
 _FEED_FORWARD = 0.7  # share of the set-point's velocity: all of it overshoots, as PX4's velocity loop lags
 
@@ -20,6 +21,7 @@ class Approach:
         self._point: Vec3 | None = None
         self._speed = 0.0
         self._still_ns: int | None = None
+        self._turning, self._turning_ns = (0.0, 0.0, 0.0), 0
 
     def begin(self, position: Vec3, velocity: Vec3) -> None:
         """The set-point starts where the vehicle is, as fast as it moves towards the start."""
@@ -54,7 +56,7 @@ class Approach:
             vehicle is not None
             and math.dist(vehicle.position, config.start[:3]) < config.hover_position
             and math.hypot(*vehicle.velocity) < config.hover_speed
-            and math.hypot(*vehicle.body_rate) < config.hover_turning
+            and math.hypot(*self._mean_turning(vehicle)) < config.hover_turning
             and abs(wrap_angle(yaw(vehicle.orientation) - config.start[3])) < _HEADING
         )
         if not near:
@@ -62,6 +64,14 @@ class Approach:
             return False
         self._still_ns = now_ns if self._still_ns is None else self._still_ns
         return now_ns - self._still_ns >= config.hover_time * 1e9
+
+    def _mean_turning(self, vehicle: Odometry) -> Vec3:
+        """Body rates, averaged over the last `_CALM_S`."""
+        share = min(1.0, (vehicle.stamp_ns - self._turning_ns) * 1e-9 / _CALM_S)
+        mean, self._turning_ns = self._turning, vehicle.stamp_ns
+        p, q, r = (old + share * (new - old) for old, new in zip(mean, vehicle.body_rate, strict=True))
+        self._turning = (p, q, r)
+        return self._turning
 
     @property
     def at_rest(self) -> bool:

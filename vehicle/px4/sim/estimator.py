@@ -36,12 +36,12 @@ class EstimatorNoise:
     velocity_tau: float = 0.2
     attitude: float = 0.003  # rad
     attitude_tau: float = 2.0
-    gyro: float = 0.007  # rad/s
+    gyro: tuple[float, float, float] = (0.08, 0.04, 0.016)  # rad/s, as PX4's ODOMETRY shows the vibrations of SIH
     accelerometer: float = 0.07  # m/s^2
 
     def row(self) -> np.ndarray:
         """The noise row for kernels. Raises ValueError for negative or non-finite numbers."""
-        values = np.array(astuple(self))
+        values = np.hstack(astuple(self))
         if not np.isfinite(values).all() or values.min() < 0 or min(values[list(_TAUS)]) <= 0:
             raise ValueError(f"estimator noise must be finite, not negative, with positive time constants: {self}")
         return values

@@ -50,7 +50,7 @@ def estimate_step(row, est, error, noise, stream, dt):
         velocity = row[state_row.V + axis] + error[estimate_error.VELOCITY + axis]
         est[estimate.POSITION + axis] = position + error[estimate_error.POSITION_BIAS + axis]
         est[estimate.VELOCITY + axis] = velocity + error[estimate_error.VELOCITY_BIAS + axis]
-        est[estimate.RATE + axis] = row[state_row.W + axis] + noise[estimate_noise.GYRO_SIGMA] * normal(stream)
+        est[estimate.RATE + axis] = row[state_row.W + axis] + noise[estimate_noise.GYRO_SIGMA + axis] * normal(stream)
     if error[estimate_error.BLIND] > 0.0:
         est[estimate.POSITION] = error[estimate_error.KNOWN_X]
         est[estimate.POSITION + 1] = error[estimate_error.KNOWN_Y]

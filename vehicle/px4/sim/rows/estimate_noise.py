@@ -3,5 +3,6 @@
 POSITION_SIGMA, POSITION_TAU = 0, 1  # m, s
 VELOCITY_SIGMA, VELOCITY_TAU = 2, 3  # m/s, s
 ATTITUDE_SIGMA, ATTITUDE_TAU = 4, 5  # rad, s
-GYRO_SIGMA, ACCEL_SIGMA = 6, 7  # rad/s, m/s^2, per sample
-LENGTH = 8
+GYRO_SIGMA = 6  # 3, rad/s, per sample: roll, pitch, yaw
+ACCEL_SIGMA = 9  # m/s^2, per sample
+LENGTH = 10

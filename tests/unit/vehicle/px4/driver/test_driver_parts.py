@@ -4,10 +4,12 @@ import math
 import re
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kernel.rotations import from_euler
 from tests.unit.vehicle.px4.driver.driver_bench import START, Bench
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import MESSAGES, Packer, Parser
@@ -16,7 +18,7 @@ from vehicle.px4.driver.goto import Approach, HoverThrust
 from vehicle.px4.driver.params import INT32, REAL32, judge, pack_value, unpack_value
 from vehicle.px4.driver.signing import Signer
 from vehicle.px4.driver.texts import Texts
-from vehicle.px4.driver.types import LinkConfig, Signing
+from vehicle.px4.driver.types import LinkConfig, Odometry, Signing
 
 MS, SECOND = 1_000_000, 1_000_000_000
 CONFIG = LinkConfig(start=START, hover_thrust=0.44)
@@ -212,6 +214,25 @@ def test_the_set_point_arrives_within_its_limits(position, velocity, steps):
         assert math.dist(there, START[:3]) <= math.dist(here, START[:3]) + 1e-9
         here, speed = there, math.hypot(*ahead)
     assert (here, speed) == (START[:3], 0.0)
+
+
+def at_start(stamp_ns, turning):
+    yaw = from_euler(0.0, 0.0, START[3])
+    return Odometry(stamp_ns, START[:3], (0.0, 0.0, 0.0), yaw, turning)
+
+
+def settles(turning):
+    """Whether the hover is reached within 3 s of body rates `turning(i)`, 10 ms apart."""
+    approach = Approach(CONFIG)
+    approach.begin(START[:3], (0.0, 0.0, 0.0))
+    return any(approach.settled(i * 10_000_000, at_start(i * 10_000_000, turning(i))) for i in range(1, 300))
+
+
+def test_hover_is_reached_in_spite_of_a_frames_vibrations_but_not_while_it_turns():
+    noise = np.random.default_rng(1).normal(0.0, (0.08, 0.04, 0.016), (300, 3))
+    assert settles(lambda i: tuple(noise[i]))
+    assert not settles(lambda i: (0.2, 0.0, 0.0))
+    assert not settles(lambda i: (0.5 * math.sin(0.01 * i * 2 * math.pi), 0.0, 0.0))
 
 
 def test_hover_thrust_is_an_average_that_follows():
