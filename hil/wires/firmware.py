@@ -105,7 +105,9 @@ class Firmware:
 
     def _end(self, signals: tuple[int, ...]) -> None:
         process, self._process = self._process, None
-        for number in signals if process is not None else ():
+        if process is None:
+            return
+        for number in signals:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, number)
             with contextlib.suppress(subprocess.TimeoutExpired):

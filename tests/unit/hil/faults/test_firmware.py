@@ -115,8 +115,8 @@ def test_empty_battery_is_told_once_to_the_autopilot_that_is_flown():
 def test_sensors_are_as_without_faults_before_and_after_them():
     plain, broken = Bench(), Bench()
     fault = make(SensorStuck, sensor="gyro")
-    plain.run(50), broken.run(50)
-    fault.begin(broken)
-    plain.run(50), broken.run(50)
-    fault.end(broken)
+    for act in (fault.begin, fault.end):
+        for bench in (plain, broken):
+            bench.run(50)
+        act(broken)
     assert np.array_equal([f[1:14] for f in plain.run(50)], [f[1:14] for f in broken.run(50)])
