@@ -151,7 +151,7 @@ def _fly_with_progress(
 def _print(plan: Plan, flown: Flown, notes: Console, as_json: bool, several: bool) -> None:
     from hil.cli.console import json_row, run_table
     from hil.cli.screen import print_json, say, screen
-    from hil.cli.timing import timing_lines
+    from hil.live.timing import timing_lines
     from scenarios.spec import published_row
 
     flight = flown.flight

@@ -30,6 +30,7 @@ PARSED_ONLY = {
     r"policy evaluate": "minutes: `make train`, tests/unit/hil/cli/test_train.py",
     r"runs replay": "needs receipts: tests/e2e/test_scenarios.py",
     r"results$": "hours: `make results`, tests/unit/hil/results",
+    r"px4": "serves until it is ended: tests/contract/test_mavsdk.py",
     r"soak": "minutes: `make soak`",
 }
 # Beginning of another command -> why it is not run.

@@ -10,8 +10,8 @@ from hil.cli.campaign import _table
 from hil.cli.console import run_table, scenarios_table, seeds_table
 from hil.cli.policy_table import note_lines, policy_table
 from hil.cli.screen import PIPE_WIDTH, print_json, say, screen
-from hil.cli.timing import timing_lines
 from hil.contract.topics import TOPICS
+from hil.live.timing import timing_lines
 from policies.evaluation.evaluate import Row
 from scenarios.spec import list_scenarios, load
 from tests.unit.hil.cli.test_console import crash, score
