@@ -14,6 +14,9 @@ def report(
     runs: Annotated[list[Path], typer.Argument(help="a run folder or .mcap; several, or a folder of runs: a campaign")],
     compare: Annotated[Path | None, typer.Option(help="a second run, shown side by side with the first")] = None,
     out: Annotated[Path | None, typer.Option(help="file to write [default: report.html in the run folder]")] = None,
+    ulog: Annotated[
+        Path | None, typer.Option(help="the autopilot's own log of the run (.ulg) [default: one in the run folder]")
+    ] = None,
     each: Annotated[bool, typer.Option("--each", help="of a campaign: also the report of each of its runs")] = False,
 ) -> None:
     """Write one HTML file of a run that opens offline.
@@ -26,8 +29,10 @@ def report(
     from hil.recording.runs import RunError
     from hil.report.write import write_report
 
+    if ulog is not None and not ulog.is_file():
+        raise fail(f"{ulog}: there is no such file")
     try:
-        path = write_report(runs, compare, out, each=each)
+        path = write_report(runs, compare, out, each=each, ulog=ulog)
     except (ReadError, RunError, ValueError) as error:
         raise fail(str(error), USAGE) from None
     except OSError as error:

@@ -47,6 +47,7 @@ class VehicleStatus:
     phase: Annotated[str, "of the driver: boot, arm, takeoff, goto, hover, handed_over, killed"]
     battery_v: Annotated[float, "V"]
     hover_thrust: Annotated[float, "1, normalised 0..1, learned in hover; 0 while unknown"]
+    clock_offset_ns: Annotated[int, "ns, the autopilot's time less the run's clock, by TIMESYNC; 0 while unknown"] = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,4 +221,5 @@ def _status(now_ns: int, output: LinkOutput) -> VehicleStatus:
         output.phase,
         output.battery_v,
         output.hover_thrust,
+        output.clock_offset_ns or 0,
     )

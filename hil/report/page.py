@@ -26,7 +26,7 @@ _HERE = Path(__file__).parent
 def render(recorded: Sequence[Recorded]) -> str:
     """The page of one flight, or of two side by side."""
     pack = Pack()
-    rows = [_row(pack, recorded, cells) for cells in zip(*map(build_all, recorded), strict=True)]
+    rows = [_row(pack, recorded, cells) for cells in zip(*map(build_all, recorded), strict=True) if any(cells)]
     flights = [_head(flight) for flight in recorded]
     title = " against ".join(flight.name for flight in recorded)
     data = embedded({**pack.table(), "flights": [_axis(flight) for flight in recorded]})

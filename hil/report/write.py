@@ -13,23 +13,31 @@ from hil.report.recorded.flight import load
 
 
 def write_report(
-    runs: Sequence[Path], compare: Path | None = None, out: Path | None = None, *, each: bool = False
+    runs: Sequence[Path],
+    compare: Path | None = None,
+    out: Path | None = None,
+    *,
+    each: bool = False,
+    ulog: Path | None = None,
 ) -> Path:
     """Write the report of `runs` and return its path: of one run, of two side by side, or of a campaign of several.
 
-    `each`: of a campaign, also the report of each run that can be read, which the page then links to.
+    `each`: of a campaign, also the report of each run that can be read, which the page then links to. `ulog`: the
+    autopilot's own log of the run.
 
-    Raises ReadError or RunError if a path is no run, ValueError for an invalid choice, OSError if `out` cannot be
-    written.
+    Raises ReadError or RunError if a path is no run, ValueError for an invalid choice or a `ulog` that is no log,
+    OSError if `out` cannot be written.
     """
     folders = _expand(runs)
+    if ulog is not None and len(folders) != 1:
+        raise ValueError(f"--ulog is the log of one flight; {len(folders)} runs were given")
     if compare is not None:
         if len(folders) != 1:
             raise ValueError(f"--compare puts one run beside another; {len(folders)} runs were given before it")
-        first, second = load(folders[0]), load(compare)
+        first, second = load(folders[0], ulog), load(compare)
         html, target = page.render([first, second]), _beside(folders[0], f"report_vs_{second.name}.html")
     elif len(folders) == 1:
-        html, target = page.render([load(folders[0])]), _beside(folders[0], "report.html")
+        html, target = page.render([load(folders[0], ulog)]), _beside(folders[0], "report.html")
     else:
         for folder in folders if each else ():
             with suppress(ReadError, RunError):

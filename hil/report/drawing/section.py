@@ -19,6 +19,10 @@ class Section:
     parts: list[Markup | TimePlot] = field(default_factory=list)
     lost: list[tuple[str, str]] = field(default_factory=list)  # plot, why it could not be drawn
 
+    def __bool__(self) -> bool:
+        """False if there is nothing to show: no flight of the page has what it is about."""
+        return bool(self.parts or self.lost)
+
     def html(self, markup: Markup) -> None:
         self.parts.append(markup)
 

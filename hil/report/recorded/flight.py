@@ -19,6 +19,8 @@ from hil.recording.runs import MANIFEST, RunError, open_run
 from hil.report.recorded.columns import Columns
 from hil.report.recorded.geometry import Approach, Motion, approach
 from hil.report.recorded.read import read_columns, scored_messages
+from hil.report.recorded.ulog import PX4Log, ULogError, read_ulog
+from hil.report.recorded.ulog_clock import LogClock, align
 from hil.scoring.score import Score, Scorer
 from scenarios.spec import Scenario, Tolerance
 from vehicle.quadrotor.airframe import load_airframe
@@ -45,6 +47,8 @@ class Recorded:
     rescored: Score | None
     live: dict[str, Any] = field(default_factory=dict)  # live.json: how a live run kept its time
     notes: list[str] = field(default_factory=list)  # remarks on the folder itself
+    log: PX4Log | None = None  # the autopilot's own, where there is one
+    log_clock: LogClock | None = None  # how it lies on the run's clock
 
     def has(self, *names: str) -> bool:
         """True if every one of these topics has messages."""
@@ -152,8 +156,12 @@ class Recorded:
         return (t_ns >= start) & (t_ns <= (self.decided_ns or end))
 
 
-def load(path: Path | str) -> Recorded:
-    """Open a run folder or an .mcap file for reporting. Raises ReadError or RunError, one line each."""
+def load(path: Path | str, ulog: Path | None = None) -> Recorded:
+    """Open a run folder or an .mcap file for reporting. Raises ReadError, RunError or ULogError, one line each.
+
+    `ulog`: the autopilot's own log of this flight. Without it a log (.ulg) in the run's folder is used; one there that
+    cannot be read is a remark.
+    """
     path = Path(path)
     manifest, score, live, notes, folder = {}, None, {}, [], path if path.is_dir() else path.parent
     if path.is_dir() or path.name == "run.mcap":
@@ -179,7 +187,23 @@ def load(path: Path | str) -> Recorded:
     ended = nested(live, "ended")
     aborted = str(ended.get("trouble") or ("interrupted" if ended.get("interrupted") else ""))
     rescored = _rescored(scenario, int(manifest.get("seed") or 0), recording, aborted) if scenario else None
-    return Recorded(path, name, recording, manifest, score, scenario, topics, rescored, live, notes)
+    log = read_ulog(ulog) if ulog is not None else _log_in(folder, notes) if manifest else None
+    clock = align(log, topics.get("vehicle/status"), topics.get("vehicle/odometry")) if log else None
+    return Recorded(path, name, recording, manifest, score, scenario, topics, rescored, live, notes, log, clock)
+
+
+def _log_in(folder: Path, notes: list[str]) -> PX4Log | None:
+    """The autopilot's log in a run's folder, the newest if there are several."""
+    found = sorted(folder.glob("*.ulg"), key=lambda one: (one.stat().st_mtime, one.name))
+    if not found:
+        return None
+    if len(found) > 1:
+        notes.append(f"several logs of the autopilot are in the folder: {found[-1].name} is shown")
+    try:
+        return read_ulog(found[-1])
+    except (ULogError, OSError) as error:
+        notes.append(f"the autopilot's log is left out: {error}")
+        return None
 
 
 def _rescored(scenario: Scenario, seed: int, recording: Recording, aborted: str) -> Score:

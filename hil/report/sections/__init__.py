@@ -19,12 +19,16 @@ from hil.report.sections import (
     perception,
     pictures,
     provenance,
+    px4_control,
+    px4_estimator,
+    px4_log,
     timing,
     touchdown,
 )
 
 _SECTIONS = (
-    paper_row, touchdown, attempt, pictures, motion, perception, estimate, commands, latency, car, timing, events,
+    paper_row, touchdown, attempt, pictures, motion, perception, estimate, commands, latency, car, timing, px4_log,
+    px4_control, px4_estimator, events,
 )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from hil.assembly.rig import Rig
 from hil.cli.main import app
-from tests.paths import GOLDEN_RUN, ROOT
+from tests.paths import FIRMWARE_RUN, GOLDEN_RUN, ROOT
 from tests.unit.docs.command_line import knows, look_at_values, options, parse
 from tests.unit.docs.pages import PAGES, Typed, inline, typed
 
@@ -65,6 +65,9 @@ def folder(tmp_path, monkeypatch):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(network, tmp_path / name)
     shutil.copy(ROOT / "scenarios" / "simple_i.toml", tmp_path / "my_scenario.toml")
+    flown = tmp_path / "runs" / "FIRMWARE"
+    shutil.copytree(FIRMWARE_RUN, flown)
+    (flown / "firmware.ulg").rename(tmp_path / "flight.ulg")
     return tmp_path
 
 

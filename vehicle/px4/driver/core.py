@@ -199,4 +199,5 @@ class LinkCore:
             odometry=autopilot.fresh,
             notes=[*autopilot.texts.take(), *self._notes],
             sent_thrust=sent,
+            clock_offset_ns=autopilot.clock.offset_ns,
         )

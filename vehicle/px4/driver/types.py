@@ -149,3 +149,4 @@ class LinkOutput:
     odometry: list[Odometry] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
     sent_thrust: float | None = None  # normalised 0..1, if a rate set-point went out in this step
+    clock_offset_ns: int | None = None  # PX4's time less ours, by TIMESYNC; None before its first answer
