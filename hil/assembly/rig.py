@@ -30,6 +30,7 @@ class VehicleSlot(_Section):
     url: str = Field(
         default="", description="offboard link: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0"
     )
+    ground_url: str = Field(default="", description="ground station's link, for the checklist: udp://:14550, ...")
     simulator: str = Field(
         default="", description="of kind hitl: tcp://:4560 (a SITL joins there), serial:///dev/ttyACM0 (a controller)"
     )
@@ -66,7 +67,7 @@ class VehicleSlot(_Section):
                 raise ValueError(str(error)) from None
         return value
 
-    @field_validator("url")
+    @field_validator("url", "ground_url")
     @classmethod
     def _readable(cls, value: str) -> str:
         if value:
@@ -82,6 +83,8 @@ class VehicleSlot(_Section):
             raise ValueError('kind "mavlink" needs a url, kind "sim" has none')
         if (self.kind == "hitl") != bool(self.simulator):
             raise ValueError('kind "hitl" needs a simulator (tcp://:4560 or serial:///dev/ttyACM0), others have none')
+        if self.ground_url and self.kind == "sim":
+            raise ValueError("ground_url is a link of a real autopilot")
         if self.px4 and (self.kind != "hitl" or self.on_hardware):
             raise ValueError('px4 is a build folder: only kind "hitl" with a simulator of tcp://:4560 has one')
         if self.deterministic and (self.kind != "hitl" or self.on_hardware):

@@ -25,6 +25,7 @@ from vehicle.px4.driver.arming import Arming, Identity
 from vehicle.quadrotor.airframe import Airframe, load_airframe
 
 if TYPE_CHECKING:
+    from hil.bench.ground_health import Health
     from hil.bus.clock import Clock
 
 T = TypeVar("T")
@@ -142,6 +143,18 @@ class Context:
         if "clocks" not in self._kept:
             self._kept["clocks"] = compare_clocks(self.endpoint, self.keys)
         return self._kept["clocks"]
+
+    def station(self) -> Health:
+        """What a real autopilot says of itself on the ground station's link."""
+        slot = self.rig.vehicle
+        if not slot.ground_url:
+            raise NotApplicable("the rig names no ground station's link (ground_url under [vehicle])")
+        from hil.bench.ground import GroundStation
+
+        if "station" not in self._kept:
+            with GroundStation(slot.ground_url, slot.system) as station:
+                self._kept["station"] = station.health()
+        return self._kept["station"]
 
     def forget(self) -> None:
         """Close the devices, so that a repeated check reads them anew."""

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hil.cli import bus, campaign, check, faults, policy, px4, refly, results, rig, run, runs, soak
+from hil.cli import autopilot, bus, campaign, check, faults, policy, refly, results, rig, run, runs, soak
 from hil.cli.options import POLICIES, Json, fail
 
 DISTRIBUTION = "perch-hil"
@@ -74,7 +74,7 @@ check.register(app)
 app.command("scenarios")(scenarios)
 app.command("board")(board_file)
 soak.register(app)
-px4.register(app)
+autopilot.register(app)
 results.register(app)
 for group in (runs, policy, rig, bus):
     group.register(app)

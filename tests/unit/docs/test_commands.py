@@ -31,6 +31,7 @@ PARSED_ONLY = {
     r"runs replay": "needs receipts: tests/e2e/test_scenarios.py",
     r"results$": "hours: `make results`, tests/unit/hil/results",
     r"px4": "serves until it is ended: tests/contract/test_mavsdk.py",
+    r"vehicle (health|log|set|reboot)": "needs an autopilot: tests/unit/hil/bench/test_ground.py",
     r"soak": "minutes: `make soak`",
 }
 # Beginning of another command -> why it is not run.
