@@ -110,7 +110,8 @@ def read_ulog(path: Path) -> PX4Log:
         faults.append("it is damaged inside: the messages that could not be read are missing")
     topics = dict(_topics(log, faults))
     spans = [(int(topic.us[0]), int(topic.us[-1])) for topic in topics.values()]
-    span = (min(a for a, _ in spans), max(b for _, b in spans)) if spans else (int(log.start_timestamp),) * 2
+    spans = spans or [(int(log.start_timestamp), int(log.start_timestamp))]
+    span = (min(a for a, _ in spans), max(b for _, b in spans))
     values = {name: float(v) for name, v in log.initial_parameters.items() if isinstance(v, int | float)}
     defaults = {**log.get_default_parameters(0), **log.get_default_parameters(1)}
     different = {name: (values[name], float(v)) for name, v in defaults.items() if name in values and _number(v)}

@@ -53,7 +53,7 @@ def log_rates(log: PX4Log) -> tuple[np.ndarray, np.ndarray] | None:
     taken = gyro.fields.get("timestamp_sample")
     us = gyro.us if taken is None else taken.astype(np.int64)
     rates = gyro.vector("xyz", 3) * _FRD
-    good = np.isfinite(rates).all(axis=1)
+    good = np.all(np.isfinite(rates), axis=1)
     good[1:] &= np.diff(us) > 0
     return (us[good], rates[good]) if good.sum() > 1 else None
 
@@ -107,7 +107,7 @@ def _odometry_rates(odometry: Columns | None) -> tuple[np.ndarray, np.ndarray] |
     if odometry is None:
         return None
     t, rates = odometry.nanoseconds() / 1e9, odometry["body_rate"]
-    good = np.isfinite(rates).all(axis=1)
+    good = np.all(np.isfinite(rates), axis=1)
     good[1:] &= np.diff(t) > 0
     return (t[good], rates[good]) if good.sum() > _LEAST else None
 
