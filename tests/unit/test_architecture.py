@@ -20,12 +20,13 @@ groundcar.motion groundcar.board groundcar.scout
 vehicle.quadrotor vehicle.camera vehicle.render vehicle.apriltag vehicle.mocap
 vehicle.px4 vehicle.px4.sim.rows vehicle.px4.sim vehicle.px4.hitl vehicle.px4.driver
 policies.task policies.estimation policies.prediction policies.guidance policies.planner policies.flying
-policies.environment policies.teachers policies.baselines policies.evaluation
+policies.environment policies.gym policies.teachers policies.baselines policies.evaluation
 policies.network policies.training.learners policies.training
 hil.contract hil.scoring hil.recording hil.safety hil.bus hil.wires hil.nodes hil.faults hil.assembly hil.host
 hil.live.messages hil.live
 hil.bench hil.check
-hil.report.recorded hil.report.drawing hil.report.sections hil.campaign hil.report hil.viewer hil.results hil.cli hil
+hil.report.recorded hil.report.drawing hil.report.sections hil.campaign hil.report hil.viewer hil.ros2 hil.results
+hil.cli hil
 """
 FLIES = ("hil.nodes", "hil.assembly", "hil.host", "hil.live", "policies.flying", "vehicle.px4.driver")
 TRAINS = ("policies.training", "policies.training.learners", "policies.environment", "policies.network")
