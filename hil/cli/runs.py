@@ -1,4 +1,5 @@
-"""`perch-hil runs list|diff|replay|recover|report|view`: lists, compares, replays, repairs and shows recorded runs."""
+"""`perch-hil runs list|diff|replay|recover|report|view|export`: lists, compares, replays, repairs, shows and exports
+recorded runs."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from hil.cli.export import export
 from hil.cli.groups import add_group
 from hil.cli.legends import RUNS, explained
 from hil.cli.options import COULD_NOT_RUN, DIFFERENT, OK, POLICIES, Json, fail
@@ -16,8 +18,11 @@ from hil.cli.report import report, view
 
 def register(app: typer.Typer) -> None:
     """Add the group; `perch-hil runs FOLDER` lists."""
-    commands = {"list": runs, "diff": diff, "replay": replay, "recover": recover, "report": report, "view": view}
-    text = "What flights left: list, compare, replay, repair, report, view. Without a command: list."
+    commands = {
+        "list": runs, "diff": diff, "replay": replay, "recover": recover, "report": report, "view": view,
+        "export": export,
+    }  # fmt: skip
+    text = "What flights left: list, compare, replay, repair, report, view, export. Without a command: list."
     add_group(app, "runs", text, commands, lists=True)
 
 
