@@ -9,11 +9,10 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.export import export
 from hil.cli.groups import add_group
 from hil.cli.legends import RUNS, explained
 from hil.cli.options import COULD_NOT_RUN, DIFFERENT, OK, POLICIES, Json, fail
-from hil.cli.report import report, view
+from hil.cli.report import export, report, view
 
 
 def register(app: typer.Typer) -> None:
