@@ -39,13 +39,12 @@ def bitmap(board: Board) -> np.ndarray:
     return grid
 
 
-def rectangles(board: Board) -> list[tuple[int, int, int, int]]:
-    """Black area of the face as (row, column, rows, columns) in modules, none overlapping: for vector output."""
-    face = bitmap(board)
+def rectangles(face: np.ndarray) -> list[tuple[int, int, int, int]]:
+    """Black area of a bitmap as (row, column, rows, columns) in modules, none overlapping: for vector output."""
     open_runs: dict[tuple[int, int], int] = {}
     done: list[tuple[int, int, int, int]] = []
-    for row in range(board.modules + 1):
-        runs = _black_runs(face[row]) if row < board.modules else set()
+    for row in range(len(face) + 1):
+        runs = _black_runs(face[row]) if row < len(face) else set()
         for run in [r for r in open_runs if r not in runs]:
             start = open_runs.pop(run)
             done.append((start, run[0], row - start, run[1]))

@@ -1,9 +1,10 @@
-"""A printable file of the board at true size: PDF or SVG (vector) or PNG, chosen by the file's suffix."""
+"""Printable files of boards at true size: PDF or SVG (vector) or PNG, chosen by the file's suffix."""
 
 from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -13,33 +14,53 @@ from groundcar.board.face import bitmap, rectangles
 from groundcar.board.layout import Board
 
 _MARGIN = 0.015  # m around the face for the caption; outside the cut line
-_CAPTION = "print at 100 %; the line below is 100 mm; this side is down-slope"
+_CAPTION = "print at 100 %; the line below is 100 mm"
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What is printed: a square bitmap ((modules, modules) uint8, 0 black or 255 white), its module (m), a caption."""
+
+    bitmap: np.ndarray
+    module: float
+    caption: str = _CAPTION
+
+    @property
+    def size(self) -> float:
+        """Edge of the face, m."""
+        return len(self.bitmap) * self.module
 
 
 def write_printable(path: str | Path, board: Board | None = None, dpi: int = 600) -> Path:
-    """Write the board to `path` (.pdf, .svg or .png). Returns the path; ValueError for another suffix.
+    """Write the board to `path`; see `write_sheet`."""
+    board = board or Board()
+    return write_sheet(path, Sheet(bitmap(board), board.module, f"{_CAPTION}; this side is down-slope"), dpi)
+
+
+def write_sheet(path: str | Path, sheet: Sheet, dpi: int = 600) -> Path:
+    """Write `sheet` to `path` (.pdf, .svg or .png). Returns the path; ValueError for another suffix.
 
     Vector files carry a cut line, a caption and a 100 mm line to check the printer's scale; the PNG is the bare face,
     one module a whole number of pixels, at the nearest resolution to `dpi` that allows it.
     """
-    board, path = board or Board(), Path(path)
+    path = Path(path)
     writer = {".pdf": _pdf, ".svg": _svg, ".png": _png}.get(path.suffix.lower())
     if writer is None:
         raise ValueError(f"cannot print the board to {path.name!r}: use .pdf, .svg or .png")
-    path.write_bytes(writer(board, dpi))
+    path.write_bytes(writer(sheet, dpi))
     return path
 
 
-def _boxes(board: Board, unit: float) -> list[tuple[float, float, float, float]]:
+def _boxes(sheet: Sheet, unit: float) -> list[tuple[float, float, float, float]]:
     """Black rectangles (x, y, width, height) from the top left of the page, in 1/unit metres."""
-    m = board.module
+    m = sheet.module
     return [((c * m + _MARGIN) / unit, (r * m + _MARGIN) / unit, w * m / unit, h * m / unit)
-            for r, c, h, w in rectangles(board)]  # fmt: skip
+            for r, c, h, w in rectangles(sheet.bitmap)]  # fmt: skip
 
 
-def _svg(board: Board, dpi: int) -> bytes:
-    page, face, margin = (board.size + 2 * _MARGIN) * 1e3, board.size * 1e3, _MARGIN * 1e3
-    rects = "".join(f"M{x:.3f} {y:.3f}h{w:.3f}v{h:.3f}h{-w:.3f}z" for x, y, w, h in _boxes(board, 1e-3))
+def _svg(sheet: Sheet, dpi: int) -> bytes:
+    page, face, margin = (sheet.size + 2 * _MARGIN) * 1e3, sheet.size * 1e3, _MARGIN * 1e3
+    rects = "".join(f"M{x:.3f} {y:.3f}h{w:.3f}v{h:.3f}h{-w:.3f}z" for x, y, w, h in _boxes(sheet, 1e-3))
     foot = page - margin
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{page:.3f}mm" height="{page:.3f}mm" '
@@ -48,19 +69,19 @@ def _svg(board: Board, dpi: int) -> bytes:
         f'<rect x="{margin}" y="{margin}" width="{face:.3f}" height="{face:.3f}" fill="none" stroke="#bbb" '
         f'stroke-width="0.1"/>\n'
         f'<path d="{rects}" fill="#000"/>\n'
-        f'<text x="{margin}" y="{foot + 5}" font-family="sans-serif" font-size="4">{_CAPTION}</text>\n'
+        f'<text x="{margin}" y="{foot + 5}" font-family="sans-serif" font-size="4">{sheet.caption}</text>\n'
         f'<path d="M{margin} {foot + 9}h100" stroke="#000" stroke-width="0.3"/>\n</svg>\n'
     ).encode()
 
 
-def _pdf(board: Board, dpi: int) -> bytes:
+def _pdf(sheet: Sheet, dpi: int) -> bytes:
     point = 0.0254 / 72
-    page, margin, face = (board.size + 2 * _MARGIN) / point, _MARGIN / point, board.size / point
-    boxes = "".join(f"{x:.4f} {page - y - h:.4f} {w:.4f} {h:.4f} re\n" for x, y, w, h in _boxes(board, point))
+    page, margin, face = (sheet.size + 2 * _MARGIN) / point, _MARGIN / point, sheet.size / point
+    boxes = "".join(f"{x:.4f} {page - y - h:.4f} {w:.4f} {h:.4f} re\n" for x, y, w, h in _boxes(sheet, point))
     mm = 1e-3 / point
     content = (
         f"0.7 G 0.3 w {margin:.4f} {margin:.4f} {face:.4f} {face:.4f} re S\n0 g\n{boxes}f\n"
-        f"BT /F1 11 Tf {margin:.3f} {margin - 5 * mm:.3f} Td ({_CAPTION}) Tj ET\n"
+        f"BT /F1 11 Tf {margin:.3f} {margin - 5 * mm:.3f} Td ({sheet.caption}) Tj ET\n"
         f"0 G 0.8 w {margin:.4f} {margin - 9 * mm:.4f} m {margin + 100 * mm:.4f} {margin - 9 * mm:.4f} l S\n"
     ).encode()
     objects = [
@@ -81,12 +102,12 @@ def _pdf(board: Board, dpi: int) -> bytes:
     return out + b"xref\n0 %d\n0000000000 65535 f \n" % size + table + trailer
 
 
-def _png(board: Board, dpi: int) -> bytes:
-    scale = max(1, round(board.module * dpi / 0.0254))
-    face = np.kron(bitmap(board), np.ones((scale, scale), np.uint8))
+def _png(sheet: Sheet, dpi: int) -> bytes:
+    scale = max(1, round(sheet.module * dpi / 0.0254))
+    face = np.kron(sheet.bitmap, np.ones((scale, scale), np.uint8))
     data = cv2.imencode(".png", face)[1].tobytes()
     # Without pHYs the viewer chooses a PNG's printed size: write the pixels per metre
-    physical = b"pHYs" + struct.pack(">IIB", round(scale / board.module), round(scale / board.module), 1)
+    physical = b"pHYs" + struct.pack(">IIB", round(scale / sheet.module), round(scale / sheet.module), 1)
     chunk = struct.pack(">I", 9) + physical + struct.pack(">I", zlib.crc32(physical))
     header_end = 8 + 25
     return data[:header_end] + chunk + data[header_end:]

@@ -12,6 +12,7 @@ from hil.wires import WireError
 from hil.wires.simulator import check_simulator
 from hil.wires.url import check_url
 from kernel.toml_errors import ConfigError, load_toml, nearest
+from vehicle.camera.lens import MODELS, Lens
 from vehicle.quadrotor.airframe import load_airframe
 
 RIG_DIR = Path(__file__).parent / "rigs"
@@ -122,9 +123,10 @@ class GroundcarSlot(_Section):
 
 
 class Calibration(_Section):
-    """A real camera's, as OpenCV's calibration gives it: px, pixel centres at integers; k1, k2, p1, p2, k3.
+    """A camera's, as `perch-hil camera calibrate` and OpenCV give it: px, pixel centres at integers.
 
-    Pictures are undistorted before they are published. The defaults are the paper's ideal camera.
+    Pictures stay as the lens takes them; the corners that are found in them are undistorted. A simulated camera is
+    drawn with this lens. The defaults are the paper's ideal camera.
     """
 
     width: int = Field(default=1280, ge=160, le=4096)
@@ -133,7 +135,22 @@ class Calibration(_Section):
     fy: float = Field(default=723.6, gt=0)
     cx: float = 639.5
     cy: float = 359.5
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    model: Literal["none", "pinhole", "rational", "fisheye"] = Field(
+        default="pinhole", description="of the distortion: none, or as OpenCV names and orders its coefficients"
+    )
+    distortion: tuple[float, ...] = Field(
+        default=(), description="pinhole k1 k2 p1 p2 k3; rational also k4 k5 k6; fisheye k1 k2 k3 k4; empty: all 0"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Calibration:
+        self.lens  # noqa: B018  raises where the coefficients do not suit the model
+        return self
+
+    @property
+    def lens(self) -> Lens:
+        """The distortion."""
+        return Lens(self.model, self.distortion or (0.0,) * MODELS[self.model])
 
 
 class CameraSlot(_Section):
@@ -167,8 +184,6 @@ class CameraSlot(_Section):
             raise ValueError(f'kind "{self.kind}" {"needs a device" if self.kind != "sim" else "has no device"}')
         if self.kind != "sim" and self.source == "model":
             raise ValueError('source "model" stands for a camera that is simulated')
-        if self.kind not in ("v4l2", "gstreamer") and self.calibration != Calibration():
-            raise ValueError(f'a camera of kind "{self.kind}" brings its own calibration: leave the table out')
         return self
 
 

@@ -53,13 +53,21 @@ def scenarios(as_json: Json = False) -> None:
         screen().print(scenarios_table(specs))
 
 
-def board_file(path: Annotated[Path, typer.Argument(help="file to write: .pdf, .svg or .png")]) -> None:
+def board_file(
+    path: Annotated[Path, typer.Argument(help="file to write: .pdf, .svg or .png")],
+    charuco: Annotated[bool, typer.Option("--charuco", help="the board that cameras are calibrated with")] = False,
+) -> None:
     """Write the board's tags as a printable file, at true size."""
+    from groundcar.board.charuco import SQUARE, charuco_sheet
     from groundcar.board.layout import Board
-    from groundcar.board.printing import write_printable
+    from groundcar.board.printing import write_printable, write_sheet
 
     board = Board()
     try:
+        if charuco:
+            write_sheet(path, charuco_sheet())
+            print(f"wrote {path}: print on A4, any scale will do; a square is {1e3 * SQUARE:.0f} mm at 100 %")
+            return
         write_printable(path, board)
     except (OSError, ValueError) as error:
         raise fail(str(error)) from None

@@ -34,6 +34,7 @@ _BOXES = {  # frame -> thickness (m), colour
     "board": (0.01, (0.85, 0.85, 0.85, 1.0)), "board_belief": (0.005, (0.2, 0.6, 1.0, 0.5)),
     "vehicle": (0.06, (1.0, 0.5, 0.1, 1.0)),
 }  # fmt: skip
+_DISTORTION = {"pinhole": "plumb_bob", "rational": "rational_polynomial", "fisheye": "kannala_brandt"}
 PICTURES = ("none", "preview", "all", "raw")
 
 View = tuple[str, bytes]
@@ -182,7 +183,7 @@ class FoxgloveView:
         return views
 
     def _calibration(self, stamp_ns: int, scale: int) -> bytes:
-        camera = self.camera
+        camera, lens = self.camera, self.camera.lens
         fx, fy = camera.fx / scale, camera.fy / scale
         # pixel centres are at integers: a picture's left edge is at -0.5 at any scale
         cx, cy = (camera.cx + 0.5) / scale - 0.5, (camera.cy + 0.5) / scale - 0.5
@@ -190,8 +191,8 @@ class FoxgloveView:
             frame_id="camera",
             width=camera.width // scale,
             height=camera.height // scale,
-            distortion_model="plumb_bob",
-            D=[0.0] * 5,
+            distortion_model=_DISTORTION[lens.model] if lens.bends else "plumb_bob",
+            D=lens.coefficients if lens.bends else [0.0] * 5,
             K=[fx, 0, cx, 0, fy, cy, 0, 0, 1],
             R=[1, 0, 0, 0, 1, 0, 0, 0, 1],
             P=[fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0],

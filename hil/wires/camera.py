@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import cv2
@@ -94,13 +94,12 @@ class NewestPicture:
         *,
         arrival_delay_ns: int,
         stamp_offset_ns: int = 0,
-        correct: Callable[[np.ndarray], np.ndarray] | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         """`arrival_delay_ns`: from the middle of the exposure to the arrival, where the driver gives no stamp;
-        `stamp_offset_ns`: from the driver's stamp to that middle. `correct` takes the lens's distortion out."""
+        `stamp_offset_ns`: from the driver's stamp to that middle."""
         self.mode, self.source = mode, source
-        self._capture, self._clock, self._correct = capture, clock, correct
+        self._capture, self._clock = capture, clock
         self._delay_ns, self._offset_ns = arrival_delay_ns, stamp_offset_ns
         self._lock = threading.Lock()
         self._newest: tuple[int, np.ndarray, int] | None = None
@@ -175,7 +174,6 @@ class NewestPicture:
         usable = stamp_ns is not None and 0 <= now - stamp_ns <= _OLDEST_STAMP_NS
         self.unstamped += not usable
         exposed_ns = stamp_ns + self._offset_ns if usable and stamp_ns is not None else now - self._delay_ns
-        pixels = pixels if self._correct is None else self._correct(pixels)
         with self._lock:
             self._dropped += self._newest is not None
             self._newest = (exposed_ns, pixels, self._count)
@@ -194,14 +192,6 @@ def grey(frame: np.ndarray) -> np.ndarray:
     if frame.shape[2] == 2:
         return cv2.cvtColor(frame, cv2.COLOR_YUV2GRAY_YUY2)
     return frame[:, :, 0] if frame.shape[2] == 1 else cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
-
-
-def undistortion(matrix: np.ndarray, distortion: Sequence[float], mode: Mode) -> Callable[[np.ndarray], np.ndarray]:
-    """What takes a lens's distortion (k1, k2, p1, p2, k3) out of pictures and keeps the intrinsic `matrix` (3, 3)."""
-    across, down = cv2.initUndistortRectifyMap(
-        matrix, np.array(distortion), np.eye(3), matrix, (mode.width, mode.height), cv2.CV_16SC2
-    )
-    return lambda pixels: cv2.remap(pixels, across, down, cv2.INTER_LINEAR)
 
 
 def wait_for_picture(camera: NewestPicture, limit_s: float = 5.0) -> NewestPicture:

@@ -11,7 +11,6 @@ import shlex
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
 
@@ -99,9 +98,7 @@ class PipeCapture:
         self._errors.close()
 
 
-def open_gstreamer(
-    pipeline: str, mode: Mode, *, arrival_delay_ms: float, correct: Callable[[np.ndarray], np.ndarray] | None = None
-) -> NewestPicture:
+def open_gstreamer(pipeline: str, mode: Mode, *, arrival_delay_ms: float) -> NewestPicture:
     """The camera at the end of `pipeline`, which is given without a sink. Raises WireError.
 
     A pipeline that cannot deliver `mode` is refused by GStreamer itself, whose error is quoted.
@@ -118,7 +115,7 @@ def open_gstreamer(
         capture = OpenCvCapture(opened, stamped=False)
     else:
         capture = PipeCapture(pipeline, mode)
-    camera = NewestPicture(capture, mode, source, arrival_delay_ns=round(arrival_delay_ms * 1e6), correct=correct)
+    camera = NewestPicture(capture, mode, source, arrival_delay_ns=round(arrival_delay_ms * 1e6))
     return wait_for_picture(camera, limit_s=10.0)
 
 

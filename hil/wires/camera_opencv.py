@@ -6,7 +6,6 @@ import math
 import os
 import stat
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -60,7 +59,6 @@ def open_v4l2(
     arrival_delay_ms: float,
     stamped: bool,
     stamp_offset_ms: float,
-    correct: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> NewestPicture:
     """The camera at `device`, in exactly `mode`. Raises WireError with the granted mode, or the reason.
 
@@ -84,7 +82,6 @@ def open_v4l2(
         device,
         arrival_delay_ns=round(arrival_delay_ms * 1e6),
         stamp_offset_ns=round(stamp_offset_ms * 1e6),
-        correct=correct,
     )
     wait_for_picture(camera)
     if not rate_known:

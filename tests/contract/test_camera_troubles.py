@@ -11,7 +11,7 @@ from hil.recording.foxglove import FoxgloveView
 from hil.recording.recorder import Recorder
 from hil.wires import WireError
 from hil.wires import camera_gstreamer as gst
-from hil.wires.camera import Mode, NewestPicture, undistortion, wait_for_picture
+from hil.wires.camera import NewestPicture, wait_for_picture
 from hil.wires.camera_mcap import RecordedCamera
 from hil.wires.camera_opencv import open_v4l2, set_mode
 from tests.contract.camera_makers import MODE, MS, install_fake_gst, mcap_raw, number, picture, record, take
@@ -84,25 +84,6 @@ def test_a_recorded_picture_keeps_its_age_and_its_place_in_time(tmp_path):
     assert (number(second.pixels), second.age_ns) == (1, 17 * MS)
     assert number(camera.take(start + 100 * MS).pixels) == 5
     assert camera.dropped == 3
-
-
-def test_lens_distortion_is_removed():
-    mode = Mode(640, 480, 30.0)
-    matrix = np.array([[400.0, 0.0, 319.5], [0.0, 400.0, 239.5], [0.0, 0.0, 1.0]])
-    lens = (-0.25, 0.06, 0.001, -0.001, 0.0)
-    u, v = np.meshgrid(np.arange(640.0), np.arange(480.0))
-    ideal = cv2.undistortPoints(np.stack([u.ravel(), v.ravel()], 1)[:, None], matrix, np.array(lens), P=matrix)
-    x = ideal[:, 0, 0].reshape(480, 640)  # where each distorted pixel stands in the ideal picture
-    taken = np.where((x > 100.0) & (x < 110.0), 255, 0).astype(np.uint8)  # an upright bar, bent by the lens
-    seen = opened(Scripted((taken, None)), correct=undistortion(matrix, lens, mode), mode=mode)
-    bent, straight = (
-        [(row * np.arange(640)).sum() / row.sum() for row in pixels[40:440].astype(float)]
-        for pixels in (taken, take(seen).pixels)
-    )
-    assert np.ptp(bent) > 5.0
-    assert np.ptp(straight) < 1.5, "a pixel's worth of stairs is left"
-    assert np.mean(straight) == pytest.approx(105.0, abs=0.7)
-    seen.close()
 
 
 # troubles

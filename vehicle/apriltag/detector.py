@@ -15,6 +15,7 @@ from vehicle.apriltag.library import Tag, TagDetector
 from vehicle.apriltag.pose import PoseFit, fit_poses
 from vehicle.apriltag.region import Region
 from vehicle.apriltag.search import BoardSearch, SearchSettings
+from vehicle.camera.distortion import distorted, undistorted
 from vehicle.camera.pinhole import Camera, camera_frame
 
 _NO_POSE = np.full(3, np.nan)
@@ -63,7 +64,7 @@ class BoardPose:
     R: np.ndarray
     p: np.ndarray
     ids: tuple[int, ...]
-    corners: np.ndarray  # (n, 4, 2) px of the tags used
+    corners: np.ndarray  # (n, 4, 2) px of the picture, of the tags used
     rms: float  # px
     lateral_sigma: float
     depth_sigma: float
@@ -86,7 +87,7 @@ _NOT_SEARCHED = BoardPose(
 
 
 class BoardDetector:
-    """Finds one board in the pictures of one camera."""
+    """Finds one board in the pictures of one camera, as its lens takes them: the corners found are undistorted."""
 
     def __init__(self, camera: Camera, board: Board, settings: DetectorSettings | None = None) -> None:
         self.camera, self.board, self.settings = camera, board, settings or DetectorSettings()
@@ -147,7 +148,7 @@ class BoardDetector:
         for tag in seen:
             pixels = tag.corners + corner
             if self._inside(pixels, s.border_px + 1.5 * region.decimate):
-                used.append((tag.id, pixels))
+                used.append((tag.id, undistorted(pixels, self.camera)))
         boards = [used]
         if duplicates and used:
             boards = split_boards(used, known, self._matrix, self._fit)
@@ -158,8 +159,9 @@ class BoardDetector:
         ) -> BoardPose:
             found = reason == ""
             R, p = (fit.R, fit.p) if found and fit else (np.full((3, 3), np.nan), _NO_POSE)
+            corners = distorted(np.array([c for _, c in used]).reshape(-1, 4, 2), self.camera)
             return BoardPose(
-                found, reason, R, p, tuple(i for i, _ in used), np.array([c for _, c in used]).reshape(-1, 4, 2),
+                found, reason, R, p, tuple(i for i, _ in used), corners,
                 fit.rms if fit else math.nan, *sigmas, duplicates, box, work, len(boards),
             )  # fmt: skip
 

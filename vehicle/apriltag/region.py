@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundcar.board.layout import Board
+from vehicle.camera.distortion import distorted
 from vehicle.camera.pinhole import Camera
 
 _LARGE_SIDE = 40.0  # px after decimation that the large tag's shortest side keeps
@@ -43,6 +44,7 @@ def predicted_region(camera: Camera, board: Board, R: np.ndarray, p: np.ndarray,
     points = board.corners @ R.T + p
     ahead = points[:, :, 2].min(axis=1) >= _NEAR
     pixels = points[:, :, :2] / np.maximum(points[:, :, 2:], _NEAR) * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    pixels = distorted(pixels, camera)
     low, high = pixels.min(axis=1), pixels.max(axis=1)
     seen = ahead & ((high >= -doubt_px) & (low <= size - 1 + doubt_px)).all(axis=1)
     shortest = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).min(axis=1)

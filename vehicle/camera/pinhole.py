@@ -9,7 +9,7 @@ Model"; its limits were set by the AprilTag detector's results on rendered pictu
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,11 +18,15 @@ from groundcar.motion import board_row
 from kernel.jit import njit
 from kernel.rotations import rotate, rotate_back
 from vehicle.camera import camera_row
+from vehicle.camera.lens import Lens
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics (px), mount (m, rad) and limits of visibility. Defaults: the paper's 82.96 x 52.90 deg camera."""
+    """Intrinsics (px), mount (m, rad) and limits of visibility. Defaults: the paper's 82.96 x 52.90 deg camera.
+
+    `lens`: the distortion, which only pictures have; projection and visibility test here are the pinhole's.
+    """
 
     width: int = 1280
     height: int = 720
@@ -36,6 +40,7 @@ class Camera:
     max_range: float = 8.0
     max_incidence: float = math.radians(82.0)
     min_module_px: float = 1.35
+    lens: Lens = field(default_factory=Lens)
 
     def __post_init__(self) -> None:
         if self.width < 16 or self.height < 16:

@@ -2,7 +2,7 @@
 
 Ground, sky and car are drawn at half the resolution and enlarged; the board's face is sampled at full
 resolution over the exposure (global shutter), so that it blurs as vehicle and board move. Equal arguments give
-equal bytes.
+equal bytes. A camera with a distorting lens is drawn as a pinhole camera that sees as much, and then bent.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from groundcar.board.face import bitmap
 from groundcar.board.layout import Board
 from kernel.random import stream
 from kernel.rotations import to_matrix
+from vehicle.camera.distortion import drawn_camera, picture_maps
 from vehicle.camera.pinhole import Camera
 from vehicle.quadrotor import state_row
 from vehicle.render.board import MAX_SAMPLES, draw_face, face_box, face_texture
@@ -33,13 +34,16 @@ class Renderer:
     """Pictures of one board through one camera. Not thread-safe (it keeps scratch pictures)."""
 
     def __init__(self, camera: Camera, board: Board, seed: int, sensor: Sensor | None = None) -> None:
+        """Raises ValueError for a picture of an odd size, and for a lens that sees too wide to be drawn."""
         if camera.width % _STEP or camera.height % _STEP:
             raise ValueError(f"picture size {camera.width} x {camera.height} must be a multiple of {_STEP}")
         self.camera, self.board, self.seed, self.sensor = camera, board, seed, sensor or Sensor()
-        self._cam = camera.row()
+        self._drawn = drawn_camera(camera)
+        self._maps = picture_maps(camera, self._drawn) if camera.lens.bends else None
+        self._cam = self._drawn.row()
         self._ground = ground_pyramid(seed)
         self._tile = noise_tile(seed)
-        shape = (camera.height, camera.width)
+        shape = (self._drawn.height, self._drawn.width)
         self._light = np.empty(shape, np.uint8)
         self._background = np.empty((shape[0] // _STEP, shape[1] // _STEP), np.uint8)
         corner = max(camera.cx, camera.width - camera.cx) ** 2 + max(camera.cy, camera.height - camera.cy) ** 2
@@ -64,10 +68,12 @@ class Renderer:
         board_R = to_matrix(board[state_row.Q : state_row.W])
         self._draw_background(R, p, board[state_row.P : state_row.V], board_R)
         self._draw_board(R, p, vehicle, board, board_R, exposure_ns * 1e-9)
-        picture = np.empty_like(self._light)
-        sensor = self.sensor
+        light, sensor = self._light, self.sensor
+        if self._maps is not None:
+            light = cv2.remap(light, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        picture = np.empty_like(light)
         expose(
-            self._light, self._tile, self._column_loss, self._row_loss, sensor.gain, sensor.electrons_per_dn,
+            light, self._tile, self._column_loss, self._row_loss, sensor.gain, sensor.electrons_per_dn,
             sensor.read_noise, stream(self.seed, frame_index), picture,
         )  # fmt: skip
         return picture
@@ -80,7 +86,7 @@ class Renderer:
     def _draw_board(
         self, R: np.ndarray, p: np.ndarray, vehicle: np.ndarray, board: np.ndarray, board_R: np.ndarray, exposure: float
     ) -> None:
-        camera, size = self.camera, self.board.size
+        camera, size = self._drawn, self.board.size
         draw_faces(
             self._light,
             *slab_faces(board[state_row.P : state_row.V], board_R, size, self.board.thickness),

@@ -33,6 +33,7 @@ PARSED_ONLY = {
     r"px4": "serves until it is ended: tests/contract/test_mavsdk.py",
     r"vehicle (health|log|set|reboot)": "needs an autopilot: tests/unit/hil/bench/test_ground.py",
     r"soak": "minutes: `make soak`",
+    r"camera calibrate": "needs pictures: tests/unit/hil/cli/test_camera.py",
 }
 # Beginning of another command -> why it is not run.
 OTHER = {

@@ -58,7 +58,7 @@ def test_a_level_camera_at_contact_has_the_row_of_small_tags_in_its_picture():
 def test_black_rectangles_are_the_bitmap():
     grid = np.full_like(bitmap(BOARD), 255)
     covered = np.zeros(grid.shape, int)
-    for row, column, rows, columns in rectangles(BOARD):
+    for row, column, rows, columns in rectangles(bitmap(BOARD)):
         grid[row : row + rows, column : column + columns] = 0
         covered[row : row + rows, column : column + columns] += 1
     assert np.array_equal(grid, bitmap(BOARD))

@@ -63,6 +63,8 @@ def test_shipped_rigs_can_be_read_and_warmed_up(name):
         ('[camera]\ntransport_ms = "15"', "camera.transport_ms.*valid number"),
         ("[camera.calibration]\ncx = nan", "calibration.cx.*finite"),
         ("[camera.calibration]\nfx = inf", "calibration.fx.*finite"),
+        ('[camera.calibration]\nmodel = "wide"', "calibration.model"),
+        ('[camera.calibration]\nmodel = "fisheye"\ndistortion = [0.1]', "4 coefficients, not 1"),
         ("[policy]\nguidance = 1", "policy.guidance.*boolean"),
         ('[vehicle]\nkind = "mavlink"\nurl = "udp://:14540"\nexternal_pose = true', "its own estimate"),
     ],

@@ -1,6 +1,7 @@
 """The views: no frame is named before its first transform, and corners lie in the pixels of the sent picture."""
 
 import pytest
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
@@ -8,6 +9,8 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from hil.contract import messages as m
 from hil.recording.foxglove import FoxgloveView
 from tests.unit.hil.recording.recorded_flight import LEVEL, PICTURE, flight
+from vehicle.camera.lens import Lens
+from vehicle.camera.pinhole import Camera
 
 CORNERS = (99.5, 199.5, 299.5, 199.5, 299.5, 399.5, 99.5, 399.5)
 
@@ -53,3 +56,18 @@ def test_corners_are_drawn_on_their_own_picture_only():
     assert outlines(FoxgloveView(pictures="none"), 5, 5) is None
     empty = outlines(FoxgloveView(pictures="preview"), 5, 5, ())
     assert empty is not None and not empty.points  # wipes the outlines of an earlier picture
+
+
+@pytest.mark.parametrize(
+    ("lens", "model", "coefficients"),
+    [
+        (Lens(), "plumb_bob", [0.0] * 5),
+        (Lens("pinhole", (0.1, 0.2, 0.0, 0.0, 0.3)), "plumb_bob", [0.1, 0.2, 0.0, 0.0, 0.3]),
+        (Lens("rational", (0.1,) * 8), "rational_polynomial", [0.1] * 8),
+        (Lens("fisheye", (0.1,) * 4), "kannala_brandt", [0.1] * 4),
+    ],
+)
+def test_calibration_has_the_lens_of_the_camera(lens, model, coefficients):
+    views = dict(FoxgloveView(Camera(lens=lens))("camera/image", m.Image(5, 1280, 720, 1, PICTURE, 0)))
+    found = CameraCalibration.FromString(views["/camera/calibration"])
+    assert found.distortion_model == model and list(found.D) == coefficients
