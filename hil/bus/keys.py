@@ -27,6 +27,8 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
             ("sub", "declare_subscriber", "ingress", receive),
             ("wanted", "declare_subscriber", "egress", wanted),  # a publisher without a known reader does not publish
         ):
+            if not keys:  # who only reads has no such rule: nothing is allowed
+                continue
             rules.append(
                 {
                     "id": f"{service}-{what}",
@@ -37,7 +39,7 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
                 }
             )
         subjects.append({"id": service, "cert_common_names": [service]})
-        own = [f"{service}-{what}" for what in ("in", "out", "sub", "wanted")]
+        own = [f"{service}-{what}" for what in (("in", "out", "sub", "wanted") if publish else ("out", "sub"))]
         policies.append({"rules": [*own, "clock"], "subjects": [service]})
 
     everything = [received_on(topic) for topic in TOPICS]
@@ -52,7 +54,8 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         receive = sorted({received_on(t) for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
         allow(service, publish, receive)
     for observer in OBSERVERS:
-        publish = [HEALTH + observer, *([CONTROL, EVENT + observer] if observer == "supervisor" else [])]
+        publish = [] if observer == "viewer" else [HEALTH + observer]
+        publish += [CONTROL, EVENT + observer] if observer == "supervisor" else []
         allow(observer, publish, [*everything, HEALTH + "*", CONTROL])
     return {
         "enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies,

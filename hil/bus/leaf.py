@@ -23,7 +23,7 @@ from hil.contract.topics import TOPICS, may_read
 
 TOPIC, CONTROL, HEALTH = "perch/topic/", "perch/control", "perch/health/"
 EVENT = TOPIC + "event/"  # every identity has a key of its own below it: events have many publishers
-OBSERVERS = ("recorder", "supervisor", "status")  # of the harness, never of a slot: they read every topic
+OBSERVERS = ("recorder", "supervisor", "status", "viewer")  # of the harness, never of a slot: they read every topic
 
 
 class Publisher:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,17 +18,19 @@ from hil.recording import provenance
 from hil.recording.autopilot_parameters import note_parameters
 from hil.viewer.view import free_port
 from kernel.toml_errors import ConfigError
-from scenarios.draw import MAX_SEED
+from scenarios.draw import MAX_SEED, draw
 from vehicle.quadrotor.airframe import load_airframe
 
 if TYPE_CHECKING:
+    from hil.viewer.foxglove.live import FoxgloveProcess
     from hil.viewer.live import RunViewer
     from hil.viewer.tap import Feed
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be flown, and where its files go. `remote`, `endpoint` and `keys` are the live host's."""
+    """What is to be flown, and where its files go. `remote`, `endpoint` and `keys` are the live host's, `foxglove` the
+    port at which a live run is served to Foxglove (None: it is not)."""
 
     scenario: str
     rig: str
@@ -43,11 +45,12 @@ class Request:
     endpoint: str | None = None
     keys: Path | None = None
     view: bool = False
+    foxglove: int | None = None
 
 
 @dataclass(frozen=True)
 class Flown:
-    """One flight. `timing`: how a live run kept time, None in lockstep; `unseen`: messages that the viewer left out."""
+    """One flight. `timing`: how a live run kept time, None in lockstep; `unseen`: messages that a viewer left out."""
 
     flight: Flight
     timing: dict[str, Any] | None
@@ -76,11 +79,18 @@ def plan_of(request: Request, seeds: Sequence[int]) -> Plan:
     if request.live:
         from hil.live.options import check_options
 
-        check_options(plan.rig, request.remote, request.endpoint, request.keys, viewed=request.view)
+        check_options(
+            plan.rig,
+            request.remote,
+            request.endpoint,
+            request.keys,
+            viewed=request.view or request.foxglove is not None,
+        )
         if "brain" not in request.remote:
             plan.check_latency(time.perf_counter)
     else:
         given = [f"--{name}" for name in ("remote", "endpoint", "keys") if getattr(request, name)]
+        given += [] if request.foxglove is None else ["--foxglove"]
         if given:
             raise ConfigError(f"{', '.join(given)}: only a live run has a bus: add --live")
     return plan
@@ -148,15 +158,18 @@ def _fly_live(
 
     names = {field: getattr(request, field) for field in ("scenario", "rig", "policy", "camera")}
     endpoint = request.endpoint
-    if viewer is not None and endpoint is None:
-        endpoint = f"tcp/127.0.0.1:{free_port()}"  # the feed needs it before the hub is started
-    with _feed(plan, seed, viewer, endpoint or ""):
+    if endpoint is None and (viewer is not None or request.foxglove is not None):
+        # a viewer's process needs it before the hub is started
+        endpoint = f"{'tcp' if request.keys is None else 'tls'}/127.0.0.1:{free_port()}"
+    with ExitStack() as viewers:
+        viewers.enter_context(_feed(plan, seed, viewer, endpoint or "", str(request.keys or "")))
+        shown = viewers.enter_context(_foxglove(request, plan, seed, endpoint or "", listener))
         live = fly_live(
             plan, names, seed, pictures=request.pictures, out=request.out, code=code, clearance=clearance.manifest(),
             progress=lambda now_ns, stage: listener.progress(seed, now_ns, stage), remote=request.remote,
             endpoint=endpoint, keys=request.keys, arming=clearance.arming,
         )  # fmt: skip
-    return Flown(live.flight, live.summary)
+    return Flown(live.flight, live.summary, shown.dropped if shown is not None else 0)
 
 
 def _viewer(request: Request, listener: Listener) -> AbstractContextManager[RunViewer | None]:
@@ -167,12 +180,35 @@ def _viewer(request: Request, listener: Listener) -> AbstractContextManager[RunV
     return RunViewer(listener.remark)
 
 
-def _feed(plan: Plan, seed: int, viewer: RunViewer | None, endpoint: str = "") -> AbstractContextManager[Feed | None]:
+def _foxglove(
+    request: Request, plan: Plan, seed: int, endpoint: str, listener: Listener
+) -> AbstractContextManager[FoxgloveProcess | None]:
+    if request.foxglove is None:
+        return nullcontext()
+    from hil.assembly.sensing import mounted_cameras
+    from hil.viewer.foxglove.feed import ServerSpec
+    from hil.viewer.foxglove.live import LAYOUT, FoxgloveProcess
+
+    frame = load_airframe(plan.rig.vehicle.airframe)
+    camera = mounted_cameras(plan.rig.camera, frame, draw(plan.scenario, seed))[1]
+    process = FoxgloveProcess(
+        ServerSpec(
+            request.foxglove, endpoint, str(request.keys or ""), f"{plan.scenario.name} seed {seed}",
+            plan.scenario.board.size, asdict(camera),
+        )
+    )  # fmt: skip
+    listener.remark(f"Foxglove: open ws://127.0.0.1:{process.port}; the layout is {LAYOUT}")
+    return process
+
+
+def _feed(
+    plan: Plan, seed: int, viewer: RunViewer | None, endpoint: str = "", keys: str = ""
+) -> AbstractContextManager[Feed | None]:
     if viewer is None:
         return nullcontext()
     mount = load_airframe(plan.rig.vehicle.airframe).camera
     return viewer.feed(
         f"{plan.scenario.name} seed {seed}", board_size=plan.scenario.board.size,
         tolerance=plan.scenario.tolerance.distance, camera_offset=mount.offset,
-        camera_tilt=math.radians(mount.tilt_deg), endpoint=endpoint,
+        camera_tilt=math.radians(mount.tilt_deg), endpoint=endpoint, keys=keys,
     )  # fmt: skip

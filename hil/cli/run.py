@@ -65,6 +65,10 @@ def run(
     keys: Keys = None,
     records: Records = Path("checks"),
     view: Annotated[bool, typer.Option("--view", help="watch it in Rerun while it flies")] = False,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="live: serve it to Foxglove, on this computer's loopback")
+    ] = False,
+    foxglove_port: Annotated[int, typer.Option(min=0, max=65535, help="of --foxglove; 0: a free one")] = 8765,
     override: Annotated[
         str | None, typer.Option("--override-check", help="reason to arm a real vehicle without a signed go")
     ] = None,
@@ -83,6 +87,7 @@ def run(
     request = Request(
         scenario=scenario, rig=rig, policy=policy, camera=camera, pictures=pictures, out=out, records=records,
         override=override, live=live, remote=tuple(remote or ()), endpoint=endpoint, keys=keys, view=view,
+        foxglove=foxglove_port if foxglove else None,
     )  # fmt: skip
     try:
         wanted = parse_seeds(seed, seeds)

@@ -61,7 +61,5 @@ def check_options(
         raise ConfigError("--remote needs --endpoint, at which the other host reaches the hub: tcp/HOST:PORT")
     if endpoint is not None:
         check_endpoint(endpoint, keys)
-    if keys is not None and viewed:
-        raise ConfigError("--view cannot join a bus closed by --keys: use `perch-hil runs view` afterwards")
     here = [name for name in ("hub", "supervisor", "recorder", *service_nodes(rig)) if name not in remote]
-    check_identities(keys, here)
+    check_identities(keys, [*here, *(["viewer"] if viewed else [])])

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.assembly.node_table import service_nodes
 from hil.assembly.plan import Plan
-from hil.assembly.rig import Rig
+from hil.assembly.rig import Calibration, Rig
 from hil.bus.leaf import Credentials, credentials_in
 from hil.live.wires import Ports
 from hil.recording.provenance import code_digests, content_sha256
@@ -106,7 +106,8 @@ def simulated_twin(rig: Rig) -> Rig:
             update={"kind": "sim", "url": "", "simulator": "", "px4": "", "powered": False}
         ),
         "groundcar": rig.groundcar.model_copy(update={"kind": "sim"}),
-        "camera": rig.camera.model_copy(update={"kind": "sim", "device": ""}),
+        # a lens may see too wide to be drawn: the twin has the ideal camera
+        "camera": rig.camera.model_copy(update={"kind": "sim", "device": "", "calibration": Calibration()}),
         "mocap": rig.mocap.model_copy(update={"kind": "sim"}),
     }
     return rig.model_copy(update=update)

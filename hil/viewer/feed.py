@@ -12,21 +12,19 @@ import selectors
 import signal
 import socket
 import sys
-import time
 from collections.abc import Iterator
 from typing import Any
 
 from hil.contract.codec import CodecError, codec
 from hil.contract.topics import TOPICS
 from hil.viewer import scene
+from hil.viewer.joining import join
 from hil.viewer.stream import TABS, ViewStream
 from hil.viewer.tap import PICTURES, SHOWN_NS, FeedSpec, Thinner, reduced
 from hil.viewer.view import APPLICATION, rerun
 from vehicle.camera.pinhole import Camera
 
 _PACKET = 1 << 20
-_HUB_S = 60.0  # a live run's hub is started after its feed
-_READER = "status"  # of the bus's observers: it reads, and is no part of the run
 _FLUSH_S = 3.0
 
 Item = tuple[str, Any]
@@ -50,21 +48,12 @@ def from_pipes(pipes: tuple[int, ...]) -> Iterator[Item]:
                 yield topic, codec(TOPICS[topic].message).decode(packet[head:])
 
 
-def from_bus(endpoint: str, stopped: list[bool]) -> Iterator[Item]:
+def from_bus(endpoint: str, keys: str, stopped: list[bool]) -> Iterator[Item]:
     """(topic, message) of a live run, thinned, until stopped. Raises BusError if no hub starts."""
-    from hil.bus.leaf import Bus, BusError, Mailbox
+    from hil.bus.leaf import Mailbox
 
-    until = time.monotonic() + _HUB_S
-    while True:
-        try:
-            bus = Bus(endpoint, timeout_s=1.0)
-            break
-        except BusError:
-            if stopped or time.monotonic() > until:
-                raise
     mailbox, thinner = Mailbox(), Thinner()
-    with bus:
-        bus.subscribe(_READER, SHOWN_NS, mailbox)
+    with join(endpoint, keys, stopped, mailbox, SHOWN_NS):
         last = False
         while not last:
             last = bool(stopped)  # messages received until then are still shown
@@ -91,7 +80,8 @@ def feed(spec: FeedSpec) -> int:
         stream.send_recording_name(spec.name)
         camera = Camera(offset=spec.camera_offset, tilt=spec.camera_tilt)
         view = ViewStream(stream, spec.board_size, spec.tolerance, camera)
-        for topic, message in from_bus(spec.endpoint, stopped) if spec.endpoint else from_pipes(spec.pipes):
+        items = from_bus(spec.endpoint, spec.keys, stopped) if spec.endpoint else from_pipes(spec.pipes)
+        for topic, message in items:
             view.add(topic, message)
             shown += 1
         stream.flush(timeout_sec=_FLUSH_S)

@@ -71,10 +71,10 @@ class RunViewer:
 
     def feed(
         self, name: str, *, board_size: float, tolerance: float,
-        camera_offset: tuple[float, float, float], camera_tilt: float, endpoint: str = "",
+        camera_offset: tuple[float, float, float], camera_tilt: float, endpoint: str = "", keys: str = "",
     ) -> Feed:  # fmt: skip
         """A feed for one run (see `FeedSpec`); several runs share the viewer."""
-        spec = FeedSpec(self.sink, name, board_size, tolerance, camera_offset, camera_tilt, endpoint)
+        spec = FeedSpec(self.sink, name, board_size, tolerance, camera_offset, camera_tilt, endpoint, keys)
         return Feed(spec, self.log)
 
     def close(self) -> None:

@@ -40,7 +40,8 @@ _DRAIN_S = 5.0
 class FeedSpec:
     """Configuration of a feed's process. `sink`: a Rerun address or an .rrd file; m and rad.
 
-    `endpoint`: the hub of a live run, to receive from; empty: the run sends on the sockets `pipes`.
+    `endpoint`: the hub of a live run, to receive from, `keys` the folder that closes its bus; without a hub the run
+    sends on the sockets `pipes`.
     """
 
     sink: str
@@ -50,6 +51,7 @@ class FeedSpec:
     camera_offset: tuple[float, float, float]
     camera_tilt: float
     endpoint: str = ""
+    keys: str = ""
     pipes: tuple[int, ...] = ()
 
 

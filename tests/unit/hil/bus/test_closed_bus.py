@@ -9,7 +9,7 @@ from hil.assembly.node_table import SERVICES, service_nodes
 from hil.assembly.rig import load_rig
 from hil.bus.certificates import make_keys
 from hil.bus.keys import access_control
-from hil.bus.leaf import CONTROL, OBSERVERS, TOPIC, Bus, BusError, Mailbox, credentials_in, open_hub
+from hil.bus.leaf import CONTROL, HEALTH, OBSERVERS, TOPIC, Bus, BusError, Mailbox, credentials_in, open_hub
 from hil.bus.session import settings
 from hil.contract import messages as m
 from tests.unit.hil.bus.test_leaf import free_endpoint
@@ -163,6 +163,31 @@ def test_identity_cannot_publish_an_event_as_another(hub, keys, join):
             mailbox.wait(20_000_000)
     assert texts == {("brain", "own")}
     mailbox.close()
+
+
+def test_viewer_reads_every_topic_and_publishes_nothing(join):
+    viewer, car, recorder = join("viewer"), join("car_device"), join("recorder")
+    shown, witness, orders = RunEvents(viewer, TOPIC + "truth/board"), Mailbox(), []
+    recorder.subscribe("recorder", ["truth/board", "policy/action", "event"], witness)
+    recorder.on_table(CONTROL, orders.append)
+    recorder.on_table(HEALTH + "*", orders.append)
+    authors = set()
+
+    def publish():
+        car.publish(1, "truth/board", BOARD)
+        viewer.publish(2, "truth/board", BOARD)
+        viewer.publish(2, "policy/action", ACTION)
+        viewer.publish(2, "event", m.Event(2, "error", "viewer", "forged"))
+        viewer.send_table(CONTROL, {"order": "abort"})
+        viewer.send_table(HEALTH + "viewer", {"state": "ready"})
+        authors.update((delivery.topic, delivery.published_ns) for delivery in witness.drain())
+
+    until(lambda: len(shown.received) >= 10 and authors, publish)
+    for _ in range(20):
+        publish()
+        witness.wait(20_000_000)
+    assert authors == {("truth/board", 1)} and orders == []
+    witness.close()
 
 
 def test_every_service_identity_may_compare_clocks(join):

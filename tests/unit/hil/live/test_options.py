@@ -44,7 +44,13 @@ def test_endpoint_with_invalid_syntax_is_refused(endpoint):
 def test_tls_without_keys_and_keys_without_tls_are_refused(tmp_path):
     refused("tls/ needs --keys", endpoint="tls/127.0.0.1:7447")
     refused("with --keys the bus is on tls/", endpoint=HERE, keys=tmp_path)
-    refused("--view cannot join", keys=tmp_path, viewed=True)
+
+
+def test_viewer_needs_its_own_key(tmp_path):
+    make_keys(tmp_path / "keys", ["hub", "supervisor", "recorder", *SERVICES])
+    check_options(SIM, (), None, tmp_path / "keys")
+    with pytest.raises(KeysError, match=r"viewer\.crt cannot be read"):
+        check_options(SIM, (), None, tmp_path / "keys", viewed=True)
 
 
 def test_only_the_keys_of_this_host_are_needed(tmp_path):
