@@ -150,7 +150,7 @@ def test_commands_options_and_links_in_sentences_exist(page, folder):
             assert knows(plain), code
         elif words:
             look_at_values(parse(words[1:]))
-        options_of = () if code.startswith("docker ") else re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)
+        options_of = () if code.startswith(("docker ", "pip ")) else re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)
         for option in options_of:
             assert option in known, f"{page.name}: {code}"
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
