@@ -21,7 +21,7 @@ def register(app: typer.Typer) -> None:
         "list": runs, "diff": diff, "replay": replay, "recover": recover, "report": report, "view": view,
         "export": export,
     }  # fmt: skip
-    text = "What flights left: list, compare, replay, repair, report, view, export. Without a command: list."
+    text = "What flights left: list, compare, replay, repair, show, export."
     add_group(app, "runs", text, commands, lists=True)
 
 

@@ -24,7 +24,7 @@ def settings(count: int, stage: str, airframe: str, more: dict[str, Any]) -> Env
             raise ValueError(f"setting {name} is given otherwise: num_envs, and reset(seed=...)")
         if name not in known:
             raise ValueError(f'the environment has no setting "{name}"{nearest(name, known)}')
-    values = {name: tuple(value) if isinstance(value, list) else value for name, value in more.items()}
+    values: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in more.items()}
     return EnvConfig(stage=stage, count=count, airframe=airframe, **values)
 
 

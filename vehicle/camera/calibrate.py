@@ -57,7 +57,7 @@ def find_corners(pixels: np.ndarray) -> View | None:
     if ids is None or len(ids) < _LEAST_CORNERS:
         return None
     known = np.asarray(charuco_board().getChessboardCorners(), dtype=np.float64)
-    return View(known[np.asarray(ids).ravel()], np.asarray(found, dtype=np.float64).reshape(-1, 2))
+    return View(known[np.asarray(ids, dtype=np.int64).ravel()], np.asarray(found, dtype=np.float64).reshape(-1, 2))
 
 
 def calibrate(views: Iterable[View], size: tuple[int, int], model: str) -> Calibrated:
@@ -91,9 +91,11 @@ def calibrate(views: Iterable[View], size: tuple[int, int], model: str) -> Calib
     values = (k[0, 0], k[1, 1], k[0, 2], k[1, 2], *d, rms)
     if not np.isfinite(values).all() or min(k[0, 0], k[1, 1]) <= 0.0:
         raise CalibrationError("these pictures determine no camera: tilt the board more, and hold it everywhere")
+    fx, fy, cx, cy = (float(x) for x in values[:4])
     return Calibrated(
-        *size, *(float(x) for x in values[:4]), Lens(model, tuple(float(x) for x in d)), sigma, rms,
-        coverage(views, size), len(views), sum(len(view.corners) for view in views),
+        width=size[0], height=size[1], fx=fx, fy=fy, cx=cx, cy=cy, lens=Lens(model, tuple(float(x) for x in d)),
+        sigma=sigma, rms=rms, coverage=coverage(views, size), views=len(views),
+        corners=sum(len(view.corners) for view in views),
     )  # fmt: skip
 
 
