@@ -19,6 +19,7 @@ scenarios
 groundcar.motion groundcar.board groundcar.scout
 vehicle.quadrotor vehicle.camera vehicle.render vehicle.apriltag vehicle.mocap
 vehicle.px4 vehicle.px4.sim.rows vehicle.px4.sim vehicle.px4.hitl vehicle.px4.driver
+vehicle.crazyflie vehicle.crazyflie.sim
 policies.task policies.estimation policies.prediction policies.guidance policies.planner policies.flying
 policies.environment policies.gym policies.teachers policies.baselines policies.evaluation
 policies.network policies.training.learners policies.training
@@ -31,7 +32,7 @@ hil.ros2 hil.results hil.cli hil
 FLIES = ("hil.nodes", "hil.assembly", "hil.host", "hil.live", "policies.flying", "vehicle.px4.driver")
 TRAINS = ("policies.training", "policies.training.learners", "policies.environment", "policies.network")
 LEARNING_LIBRARIES = {"torch", "onnx", "scipy"}
-DEVICE_LIBRARIES = {"pymavlink", "mavsdk", "zenoh", "pyapriltags", "cv2", "can", "cantools"}
+DEVICE_LIBRARIES = {"pymavlink", "cflib", "mavsdk", "zenoh", "pyapriltags", "cv2", "can", "cantools"}
 READS_CLOCKS = (
     *("hil.host", "hil.live", "hil.bus", "hil.wires", "hil.bench", "hil.check", "hil.viewer", "hil.cli"),
     *("policies.training.run", "policies.prediction.learned_training"),  # long work that saves and ends by the clock
