@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-FULL_V, EMPTY_V = 4.15, 3.5  # without load
+FULL_V, EMPTY_V = 4.15, 3.3  # without load
 SAG_V = 0.35  # at full thrust
 ENDURANCE_S = 330.0  # at hover; the product page says 7 minutes without payload
 _HOVER = 0.65  # thrust over full thrust
