@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.assembly.parts import Parts
-from hil.nodes.belief import BeliefNode
+from hil.nodes.belief import BeliefNode, MocapBeliefNode
 from hil.nodes.director import Director
 from hil.nodes.policy import PolicyNode
 from hil.nodes.referee import Referee
@@ -15,7 +15,8 @@ PREPARE_LIMIT_REAL_NS = 130_000_000_000  # a SITL lags behind wall time
 
 
 def belief(parts: Parts) -> BeliefNode:
-    return BeliefNode(BoardFilter())
+    node = MocapBeliefNode if parts.rig.policy.knows == "mocap" else BeliefNode
+    return node(BoardFilter())
 
 
 def policy(parts: Parts) -> PolicyNode:
@@ -23,7 +24,7 @@ def policy(parts: Parts) -> PolicyNode:
 
 
 def director(parts: Parts) -> Director:
-    limit_ns = PREPARE_LIMIT_NS if parts.rig.vehicle.kind == "sim" else PREPARE_LIMIT_REAL_NS
+    limit_ns = PREPARE_LIMIT_NS if parts.rig.vehicle.kind in ("sim", "crazyflie-sim") else PREPARE_LIMIT_REAL_NS
     return Director(round(parts.scenario.car.lead * 1e9), limit_ns)
 
 

@@ -76,11 +76,11 @@ _ROWS = (
     NodeRow("car_link", _CAR, car.car_link, drives="groundcar"),
     NodeRow(
         "camera", Service("camera", 6, 0, "rendering"), sensing.camera,
-        measures=lambda rig: rig.camera.kind != "sim",
+        measures=lambda rig: rig.camera.kind != "sim", present=lambda rig: rig.policy.knows == "camera",
     ),
     NodeRow(
         "detector", Service("detector", 7, 0, "detection"), sensing.detector,
-        present=lambda rig: rig.camera.source == "pictures",
+        present=lambda rig: rig.camera.source == "pictures" and rig.policy.knows == "camera",
     ),
     NodeRow("vehicle_link", Service("vehicle_link", 4, 5_000_000, "control"), vehicle.vehicle_link, drives="vehicle"),
     NodeRow("belief", _BRAIN, deciding.belief),

@@ -61,8 +61,11 @@ class Plan:
 
 
 def rig_policy(name: str, rig: Rig, airframe: Airframe) -> PolicyFactory:
-    """The policy called `name`, checked against the rig: its airframe, its camera as calibrated and mounted.
+    """The policy called `name`, checked against the rig: its airframe, by what it knows of the board, and its camera as
+    calibrated and mounted.
 
     Raises what `policy_factory` raises.
     """
-    return policy_factory(name, airframe, guidance=rig.policy.guidance, camera=camera_contract(rig.camera, airframe))
+    camera = None if rig.policy.knows == "mocap" else camera_contract(rig.camera, airframe)
+    stage = "state" if camera is None else "vision"
+    return policy_factory(name, airframe, guidance=rig.policy.guidance, camera=camera, stage=stage)

@@ -7,8 +7,10 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from hil.contract.topics import Knows
 from hil.safety.limits import CarGateLimits, GateLimits
 from hil.wires import WireError
+from hil.wires.crazyradio import check_radio
 from hil.wires.simulator import check_simulator
 from hil.wires.url import check_url
 from kernel.toml_errors import ConfigError, load_toml, nearest
@@ -23,13 +25,15 @@ class _Section(BaseModel):
 
 
 class VehicleSlot(_Section):
-    """The quadrotor's autopilot. Of kind hitl it is a real firmware that flies our simulated vehicle. While motion
-    capture or camera are simulated, the own estimate of a vehicle of kind mavlink stands for its true pose in what they
-    see."""
+    """The quadrotor's autopilot: PX4, or a Crazyflie (crazyflie-sim, crazyflie). Of kind hitl it is a real firmware
+    that flies our simulated vehicle. While motion capture or camera are simulated, the own estimate of a real vehicle
+    stands for its true pose in what they see."""
 
-    kind: Literal["sim", "mavlink", "hitl"] = "sim"
+    kind: Literal["sim", "mavlink", "hitl", "crazyflie-sim", "crazyflie"] = "sim"
     url: str = Field(
-        default="", description="offboard link: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0"
+        default="",
+        description="offboard link: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0; of a crazyflie "
+        "radio://0/80/2M/E7E7E7E7E7 or udp://HOST:19850",
     )
     ground_url: str = Field(default="", description="ground station's link, for the checklist: udp://:14550, ...")
     simulator: str = Field(
@@ -73,15 +77,21 @@ class VehicleSlot(_Section):
     def _readable(cls, value: str) -> str:
         if value:
             try:
-                check_url(value)
+                (check_radio if value.startswith("radio:") else check_url)(value)
             except WireError as error:
                 raise ValueError(str(error)) from None
         return value
 
     @model_validator(mode="after")
     def _reachable(self) -> VehicleSlot:
-        if self.kind != "hitl" and (self.kind == "mavlink") != bool(self.url):
-            raise ValueError('kind "mavlink" needs a url, kind "sim" has none')
+        if self.kind != "hitl" and (self.kind in ("mavlink", "crazyflie")) != bool(self.url):
+            raise ValueError('kind "mavlink" needs a url and so does "crazyflie", kind "sim" has none')
+        if self.url.startswith("radio:") != (self.kind == "crazyflie" and not self.url.startswith("udp:")):
+            raise ValueError(
+                f'"{self.url}": radio:// is the address of kind "crazyflie", which has udp://HOST:PORT else'
+            )
+        if self.kind.startswith("crazyflie") and not self.external_pose:
+            raise ValueError("a Crazyflie knows where it is by motion capture only: set external_pose = true")
         if (self.kind == "hitl") != bool(self.simulator):
             raise ValueError('kind "hitl" needs a simulator (tcp://:4560 or serial:///dev/ttyACM0), others have none')
         if self.ground_url and self.kind == "sim":
@@ -104,12 +114,12 @@ class VehicleSlot(_Section):
     @property
     def simulated(self) -> bool:
         """Whether no real device is behind it: a firmware in lockstep is a process of this machine."""
-        return self.kind == "sim" or (self.kind == "hitl" and not self.on_hardware)
+        return self.kind in ("sim", "crazyflie-sim") or (self.kind == "hitl" and not self.on_hardware)
 
     @property
     def ours(self) -> bool:
         """Whether the vehicle's body is our plant, whatever its autopilot is."""
-        return self.kind in ("sim", "hitl")
+        return self.kind in ("sim", "hitl", "crazyflie-sim")
 
 
 class GroundcarSlot(_Section):
@@ -213,6 +223,9 @@ class PolicySlot(_Section):
     contract of `policies/flying/contract.py`."""
 
     kind: str = "vision"
+    knows: Knows = Field(
+        default="camera", description="by what it may know of the board: camera, or mocap (state-based flight)"
+    )
     guidance: bool = Field(
         default=True, description="the laws of the last half second act on its commands; a network must want them"
     )

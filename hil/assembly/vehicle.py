@@ -11,6 +11,9 @@ from hil.nodes.vehicle_device import VehicleDevice
 from hil.nodes.vehicle_firmware import FirmwareVehicle
 from hil.safety.vehicle_gate import VehicleGate
 from hil.wires.signing_key import read_signing_key
+from vehicle.crazyflie.driver.driver import CrazyflieLink
+from vehicle.crazyflie.driver.types import CrazyflieConfig
+from vehicle.crazyflie.sim.crazyflie import CrazyflieSim
 from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import LinkConfig, Signing
@@ -42,6 +45,8 @@ def vehicle_device(parts: Parts) -> VehicleDevice:
             wire, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, params, gps=not slot.external_pose, powered=slot.powered
         )
         return FirmwareVehicle(body, _wind(parts))
+    if slot.kind == "crazyflie-sim":
+        return VehicleDevice(CrazyflieSim(wire, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, params), _wind(parts))
     parameters = EXTERNAL_POSE_PARAMETERS if slot.external_pose else None
     sim = Px4Sim({"api": wire}, frame, drawn.vehicle_seed, (x, y, 0.0), yaw, parameters=parameters, params_row=params)
     return VehicleDevice(sim, _wind(parts))
@@ -50,7 +55,26 @@ def vehicle_device(parts: Parts) -> VehicleDevice:
 def vehicle_link(parts: Parts) -> VehicleLink:
     """The driver of a simulated or real vehicle. Raises ValueError if the signing key cannot be read."""
     rig = parts.rig
-    slot, real = rig.vehicle, rig.vehicle.kind == "mavlink"
+    slot, real = rig.vehicle, rig.vehicle.kind in ("mavlink", "crazyflie")
+    seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
+    reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
+    virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
+    driver = _crazyflie_driver(parts) if slot.kind.startswith("crazyflie") else _px4_driver(parts)
+    gate = VehicleGate(rig.gate, parts.frame.command)
+    return VehicleLink(driver, gate, seen_by_simulation, slot.external_pose, virtual_board, reach)
+
+
+def _crazyflie_driver(parts: Parts) -> CrazyflieLink:
+    slot = parts.rig.vehicle
+    config = CrazyflieConfig(
+        parts.hover_start, parts.frame.body.mass, arm=slot.kind != "crazyflie", hover_position=slot.hover_position,
+        hover_speed=slot.hover_speed, hover_turning=slot.hover_turning,
+    )  # fmt: skip
+    return CrazyflieLink(parts.wires.vehicle_link(), config)
+
+
+def _px4_driver(parts: Parts) -> Px4Link:
+    slot = parts.rig.vehicle
     config = LinkConfig(
         start=parts.hover_start, hover_thrust=parts.frame.hover_thrust, steepest=min(parts.steepest, math.pi / 2),
         hover_position=slot.hover_position, hover_speed=slot.hover_speed, hover_turning=slot.hover_turning,
@@ -71,14 +95,10 @@ def vehicle_link(parts: Parts) -> VehicleLink:
     if slot.kind == "hitl" and not slot.external_pose:  # on GPS its local frame begins where it boots
         x, y, _, _ = parts.hover_start
         config = replace(config, origin=(x, y, 0.0))
-    seen_by_simulation = real and "sim" in (rig.camera.kind, rig.mocap.kind)
-    reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
-    virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
     driver = Px4Link(link, config)
     if slot.kind == "hitl" and slot.simulated:
         driver.allow_arming(Arming())  # on no condition; it then tells which firmware it is
-    gate = VehicleGate(rig.gate, parts.frame.command)
-    return VehicleLink(driver, gate, seen_by_simulation, slot.external_pose, virtual_board, reach)
+    return driver
 
 
 def _wind(parts: Parts) -> Wind | None:

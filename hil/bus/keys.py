@@ -12,11 +12,13 @@ from typing import Any
 
 from hil.bus.clock import CLOCK
 from hil.bus.leaf import CONTROL, EVENT, HEALTH, OBSERVERS, TOPIC, received_on
-from hil.contract.topics import TOPICS, may_read, published_by
+from hil.contract.topics import TOPICS, Knows, may_read, published_by
 
 
-def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    """The hub's table for `services` (service -> its nodes): everything that is not allowed is denied."""
+def access_control(services: Mapping[str, Sequence[str]], knows: Knows = "camera") -> dict[str, Any]:
+    """The hub's table for `services` (service -> its nodes): everything that is not allowed is denied.
+
+    `knows`: by what the policy may know of the board."""
     rules, subjects, policies = [], [], []
 
     def allow(service: str, publish: list[str], receive: list[str]) -> None:
@@ -51,7 +53,7 @@ def access_control(services: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     for service, nodes in services.items():
         outputs = {topic for node in nodes for topic in published_by(node, present)}
         publish = sorted({TOPIC + t for t in outputs} | {EVENT + service, HEALTH + service})
-        receive = sorted({received_on(t) for t in TOPICS for node in nodes if may_read(node, t)} | {CONTROL})
+        receive = sorted({received_on(t) for t in TOPICS for node in nodes if may_read(node, t, knows)} | {CONTROL})
         allow(service, publish, receive)
     for observer in OBSERVERS:
         publish = [] if observer == "viewer" else [HEALTH + observer]

@@ -19,7 +19,7 @@ from hil.bus.clock import ClockWatch
 from hil.bus.mailbox import PICTURES, STAMP, Delivery, Mailbox
 from hil.bus.session import BusError, Credentials, credentials_in, open_hub, open_leaf
 from hil.contract.codec import codec
-from hil.contract.topics import TOPICS, may_read
+from hil.contract.topics import TOPICS, Knows, may_read, readers_of
 
 TOPIC, CONTROL, HEALTH = "perch/topic/", "perch/control", "perch/health/"
 EVENT = TOPIC + "event/"  # every identity has a key of its own below it: events have many publishers
@@ -63,11 +63,14 @@ class Bus:
         timeout_s: float = 5.0,
         *,
         identity: str = "unnamed",
+        knows: Knows = "camera",
     ) -> None:
         """Connect to the hub at `endpoint`. Raises BusError if none answers within `timeout_s`.
 
         `identity`: the service or observer that this process is; a closed bus holds it against its certificate.
+        `knows`: by what the run's policy may know of the board.
         """
+        self._knows: Knows = knows
         self._session = open_leaf(endpoint, credentials, timeout_s)
         self._identity, self._number = identity, int.from_bytes(os.urandom(8), "little")
         self._publishers: dict[str, Publisher] = {}
@@ -101,8 +104,8 @@ class Bus:
         for topic in topics:
             if topic not in TOPICS:
                 raise BusError(f"{reader} asks for topic {topic!r}, which hil/contract/topics.py does not list")
-            if reader not in OBSERVERS and not may_read(reader, topic):
-                readers = ", ".join(TOPICS[topic].readers) or "no node"
+            if reader not in OBSERVERS and not may_read(reader, topic, self._knows):
+                readers = ", ".join(readers_of(topic, self._knows)) or "no node"
                 raise BusError(f"{reader} may not read {topic!r}: the contract allows {readers}")
             if (id(mailbox), topic) in self._delivered:
                 continue

@@ -77,7 +77,8 @@ def hub(
 
     try:
         address, own = hub_endpoint(endpoint, keys), credentials(keys, ["hub"])
-        access = access_control(service_nodes(load_rig(rig))) if keys is not None else None
+        asked = load_rig(rig)
+        access = access_control(service_nodes(asked), asked.policy.knows) if keys is not None else None
         for line in filter(None, (no_shared_memory(), f"hub on {address}, end it with Ctrl-C")):
             print(line, file=sys.stderr)
         serve_hub(address, own, access, with_parent=False)

@@ -44,7 +44,8 @@ def check_policy(policy: str, rig_name: str) -> list[Finding]:
     found = [Finding("file", True, f"{file}: sha256 {network.sha256}")]
     try:
         camera = camera_contract(rig.camera, airframe)
-        check_contract(contract, airframe=airframe, camera=camera, stage="vision")
+        stage = "state" if rig.policy.knows == "mocap" else "vision"
+        check_contract(contract, airframe=airframe, camera=camera, stage=stage)
         text = f"{contract.name}: for {airframe.name} and its camera, by recipe {contract.provenance.recipe}"
         found.append(Finding("contract", True, text))
     except ContractError as error:

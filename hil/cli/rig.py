@@ -41,16 +41,16 @@ def rig_check(
 
     Exit code: 0 everything, 2 usage or configuration, 3 something is not reachable.
     """
+    from hil.assembly.plan import rig_policy
     from hil.assembly.rig import load_rig
     from hil.cli.screen import print_json, say
     from hil.live.reach import reach
     from policies.flying.contract import ContractError
-    from policies.flying.registry import policy_factory
     from vehicle.quadrotor.airframe import load_airframe
 
     try:
         read = load_rig(rig)
-        policy_factory(read.policy.kind, load_airframe(read.vehicle.airframe), guidance=read.policy.guidance)
+        rig_policy(read.policy.kind, read, load_airframe(read.vehicle.airframe))
     except (ContractError, ValueError) as error:
         raise fail(str(error)) from None
     found = reach(read)

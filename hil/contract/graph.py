@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from hil.contract.topics import TOPICS, may_read
+from hil.contract.topics import TOPICS, Knows, may_read, readers_of
 
 
 class GraphError(ValueError):
@@ -25,10 +25,11 @@ class Declaration(Protocol):
     def wakes(self) -> tuple[str, ...]: ...
 
 
-def check_graph(nodes: Sequence[Declaration]) -> None:
+def check_graph(nodes: Sequence[Declaration], knows: Knows = "camera") -> None:
     """Every topic known, every input allowed and published by a node, every topic (but events) published once.
 
-    Raises GraphError naming the node and the topic: above all when a node of the policy slot asks for the car's truth.
+    `knows`: by what the policy may know of the board. Raises GraphError naming the node and the topic: above all when a
+    node of the policy slot asks for the car's truth.
     """
     producers: dict[str, str] = {}
     for node in nodes:
@@ -43,8 +44,8 @@ def check_graph(nodes: Sequence[Declaration]) -> None:
             producers[topic] = node.name
     for node in nodes:
         for topic in node.inputs:
-            if not may_read(node.name, topic):
-                readers = ", ".join(TOPICS[topic].readers) or "no node"
+            if not may_read(node.name, topic, knows):
+                readers = ", ".join(readers_of(topic, knows)) or "no node"
                 raise GraphError(f"node {node.name!r} may not read {topic!r}: the contract allows {readers}")
             if topic not in producers:
                 raise GraphError(f"node {node.name!r} reads {topic!r}, which no node of this graph publishes")

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Literal
 
 from hil.contract import messages as m
 
 EVERYONE = ("*",)
+Knows = Literal["camera", "mocap"]  # by what the policy may know of the board: a rig's `[policy] knows`
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
     """One row of the contract. `hz` is the rate of its periodic messages, between which more may come; 0 means on event
     only. `max_age_ms` 0 means it does not go stale. `writers` in order of precedence: the first that a run has
-    publishes."""
+    publishes. `on_mocap`: who reads it too where the policy may know the board by motion capture."""
 
     message: type
     hz: float
@@ -26,6 +28,7 @@ class Topic:
     recorded: bool
     writers: tuple[str, ...]
     readers: tuple[str, ...]
+    on_mocap: tuple[str, ...] = ()
 
 
 _TRUTH = ("vehicle_device", "camera", "mocap")
@@ -34,7 +37,9 @@ TOPICS: dict[str, Topic] = {
     "truth/vehicle": Topic(m.VehicleState, 250, 20, True, ("vehicle_device", "vehicle_link"), _TRUTH),
     "truth/board": Topic(m.BoardState, 250, 20, True, ("car_device", "car_link"), _TRUTH),
     "mocap/vehicle": Topic(m.VehicleState, 100, 50, True, ("mocap",), ("referee", "vehicle_link", "director")),
-    "mocap/board": Topic(m.BoardState, 100, 50, True, ("mocap",), ("referee", "car_follower", "director")),
+    "mocap/board": Topic(
+        m.BoardState, 100, 50, True, ("mocap",), ("referee", "car_follower", "director"), on_mocap=("belief",)
+    ),
     "car/reference": Topic(m.CarReference, 50, 100, True, ("car_follower",), ()),
     "car/command": Topic(m.CarCommand, 50, 100, True, ("car_follower",), ("car_link",)),
     "car/sent": Topic(m.CarCommand, 0, 0, True, ("car_link",), ()),
@@ -54,9 +59,16 @@ TOPICS: dict[str, Topic] = {
 }
 
 
-def may_read(node: str, topic: str) -> bool:
+def readers_of(topic: str, knows: Knows) -> tuple[str, ...]:
+    """Nodes that may read `topic` in a run whose policy `knows` the board by camera or motion capture. Raises KeyError
+    for an unknown topic."""
+    row = TOPICS[topic]
+    return row.readers + (row.on_mocap if knows == "mocap" else ())
+
+
+def may_read(node: str, topic: str, knows: Knows = "camera") -> bool:
     """True if the contract lets `node` subscribe to `topic`. Raises KeyError for an unknown topic."""
-    readers = TOPICS[topic].readers
+    readers = readers_of(topic, knows)
     return node in readers or readers == EVERYONE
 
 

@@ -107,7 +107,7 @@ def fly(
     drawn = draw(scenario, seed)
     clock = Clock()
     simulation = build(scenario, rig, drawn, policy, clock)
-    check_graph(simulation.nodes)
+    check_graph(simulation.nodes, rig.policy.knows)
     check_space(out, pictures)
     run = new_run(
         out,

@@ -116,7 +116,8 @@ def _assembly(run: Run, policy: str | None) -> tuple[Assembly, Rig]:
         raise ReplayError(f"{run.path}: its manifest fits no current scenario or rig: {error}") from None
     named = manifest["policy"]
     name, airframe = policy or named.get("path") or named["name"], load_airframe(rig.vehicle.airframe)
-    make = policy_factory(name, airframe, guidance=rig.policy.guidance)
+    stage = "state" if rig.policy.knows == "mocap" else None
+    make = policy_factory(name, airframe, guidance=rig.policy.guidance, stage=stage)
     wires = MemoryWires(rig, lambda: 0)
     stopwatch = (lambda: 0) if manifest.get("host") == "live" else None
     return Assembly(scenario, rig, draw(scenario, manifest["seed"]), make, wires, stopwatch), rig

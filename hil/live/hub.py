@@ -19,7 +19,10 @@ _LINGER_S = 25.0  # the leaves detect it, reach their safe state, and are record
 
 def hub(spec: LiveSpec) -> int:
     """Serve until SIGTERM, or until the parent process has ended. Raises BusError if the endpoint cannot be used."""
-    access = access_control(spec.services()) if spec.keys is not None else None
+    access = None
+    if spec.keys is not None:
+        rig = spec.plan().rig
+        access = access_control(spec.services(rig), rig.policy.knows)
     serve_hub(spec.endpoint, spec.credentials("hub"), access, with_parent=True)
     return 0
 

@@ -63,7 +63,8 @@ def serve(spec: LiveSpec, service: str, names: tuple[str, ...], *, remote: bool 
         wires.start(spec.folder)
     row = SERVICES[service]
     take_priority(row.priority)  # not earlier: building may take long; before the bus, whose thread inherits it
-    with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s, identity=service) as bus:
+    knows = plan.rig.policy.knows
+    with Bus(spec.endpoint, spec.credentials(service), timeout_s=wait_s, identity=service, knows=knows) as bus:
         run_time = RunTime(bus.clock(), DateWatch() if remote else None)
         book = ReceiptBook(spec.folder / f"receipts-{service}.mcap", nodes) if spec.folder else None
         live = LiveService(

@@ -11,6 +11,7 @@ from hil.assembly.rig import Rig, VehicleSlot
 from hil.wires import WireError
 from hil.wires.camera import Mode
 from hil.wires.can import open_can
+from hil.wires.crazyradio import CrazyradioWire
 from hil.wires.mocap_vrpn import VrpnMocap
 from hil.wires.url import open_url
 from vehicle.px4.codec import Parser
@@ -37,8 +38,10 @@ def reach(rig: Rig, listen_s: float = LISTEN_S) -> list[Reached]:
 
 def _vehicle(rig: Rig, listen_s: float) -> Reached:
     slot = rig.vehicle
-    if slot.kind == "sim":
-        return Reached("vehicle", "sim", True, "simulated behind its wire")
+    if slot.kind in ("sim", "crazyflie-sim"):
+        return Reached("vehicle", slot.kind, True, "simulated behind its wire")
+    if slot.kind == "crazyflie":
+        return _crazyflie(slot)
     if slot.simulated:
         return _firmware(slot)
     try:
@@ -69,6 +72,15 @@ def _firmware(slot: VehicleSlot) -> Reached:
         return Reached("vehicle", slot.kind, False, str(error))
     text = f"each run starts {build}/bin/px4" if build else f"waits for your PX4 SITL at {slot.simulator}"
     return Reached("vehicle", slot.kind, True, text)
+
+
+def _crazyflie(slot: VehicleSlot) -> Reached:
+    """Whether its radio is there. A radio hears only who it asks, so that the Crazyflie itself is not looked for."""
+    try:
+        CrazyradioWire(slot.url).close()
+    except WireError as error:
+        return Reached("vehicle", slot.kind, False, str(error))
+    return Reached("vehicle", slot.kind, True, f"the radio of {slot.url} is there; the Crazyflie was not asked")
 
 
 def _car(rig: Rig, listen_s: float) -> Reached:

@@ -17,6 +17,7 @@ from hil.bus.clock import Clock, DateWatch
 from hil.bus.leaf import Bus
 from hil.bus.session import no_shared_memory
 from hil.contract.graph import GraphError
+from hil.contract.topics import Knows
 from hil.host.flight import Flight
 from hil.host.space import check_space
 from hil.live.ending import TURN_S, await_drivers, bring_down
@@ -151,7 +152,7 @@ def _fly(
             supervisor.wait_ready(
                 ["recorder", *wanted], waiting=lambda missing: progress(0, f"waiting for {', '.join(missing)}")
             )
-            _check_graph(supervisor, wanted)
+            _check_graph(supervisor, wanted, plan.rig.policy.knows)
             ended.before = load_now()
             hub_clock, date = _hub_clock(bus), DateWatch()
             started_ns = supervisor.go(ahead_ns=hub_clock.offset_ns, arming=arming)
@@ -211,9 +212,9 @@ def _without_terminal(progress: Callable[[int, str], None]) -> Callable[[int, st
     return called
 
 
-def _check_graph(supervisor: Supervisor, wanted: list[str]) -> None:
+def _check_graph(supervisor: Supervisor, wanted: list[str], knows: Knows) -> None:
     try:
-        check_live_graph(supervisor.health, wanted)
+        check_live_graph(supervisor.health, wanted, knows)
     except GraphError as error:
         raise SupervisorError(str(error)) from None
 

@@ -101,9 +101,16 @@ def disagreement(service: str, theirs: Mapping[str, str], ours: Mapping[str, str
 
 def simulated_twin(rig: Rig) -> Rig:
     """The same rig with every device simulated: warming up must not reach a real device."""
+    kind = "crazyflie-sim" if rig.vehicle.kind.startswith("crazyflie") else "sim"
     update = {
         "vehicle": rig.vehicle.model_copy(
-            update={"kind": "sim", "url": "", "simulator": "", "px4": "", "powered": False}
+            update={
+                "kind": kind,
+                "url": "",
+                "simulator": "",
+                "px4": "",
+                "powered": False,
+            }
         ),
         "groundcar": rig.groundcar.model_copy(update={"kind": "sim"}),
         # a lens may see too wide to be drawn: the twin has the ideal camera

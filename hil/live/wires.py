@@ -13,6 +13,7 @@ from hil.assembly.rig import Rig
 from hil.wires import WireError
 from hil.wires.can import open_can
 from hil.wires.can_udp import CanOverUdp
+from hil.wires.crazyradio import CrazyradioWire
 from hil.wires.serial import SerialWire
 from hil.wires.tcp import TcpWire
 from hil.wires.udp import UdpWire
@@ -52,7 +53,7 @@ class LiveWires:
     def __init__(self, rig: Rig, ports: Ports) -> None:
         self._rig, self._ports = rig, ports
         self._opened: list[Any] = []
-        self._connections: list[TcpWire | SerialWire] = []
+        self._connections: list[TcpWire | SerialWire | CrazyradioWire] = []
         self._hitl: HitlWires | None = None
         self.descriptors: dict[int, str] = {}  # to be waited for -> the driver that reads it; others are looked at
 
@@ -61,6 +62,11 @@ class LiveWires:
 
     def vehicle_link(self) -> Any:
         slot, ports = self._rig.vehicle, self._ports
+        if slot.kind == "crazyflie":
+            return self._keep(CrazyradioWire(slot.url), "vehicle_link")
+        if slot.kind == "crazyflie-sim":  # the client sends first
+            peer = (ports.host, ports.vehicle_device)
+            return self._keep(UdpWire((ports.host, ports.vehicle_link), peer, partner="fixed"), "vehicle_link")
         if slot.kind != "sim":
             return self._keep(open_url(offboard_url(slot, ports.firmware), self.vehicle_system()), "vehicle_link")
         return self._keep(UdpWire((ports.host, ports.vehicle_link), partner="first"), "vehicle_link")
@@ -92,7 +98,7 @@ class LiveWires:
 
     def _keep(self, wire: Any, driver: str = "") -> Any:
         self._opened.append(wire)
-        if isinstance(wire, TcpWire | SerialWire):
+        if isinstance(wire, TcpWire | SerialWire | CrazyradioWire):
             self._connections.append(wire)
         if driver and isinstance(wire, UdpWire):
             self.descriptors[wire.fileno()] = driver

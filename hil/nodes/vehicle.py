@@ -24,13 +24,32 @@ from kernel.stamps import later_than_now
 from vehicle.mocap.agreement import Lasting, vehicle_disagreement
 from vehicle.px4.driver.arming import Arming
 from vehicle.px4.driver.core import BEFORE_FLIGHT
-from vehicle.px4.driver.driver import Px4Link
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
 
 STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
 _FRESH_NS, _AGREES_NS = 300_000_000, 300_000_000
 _DIFFERS_NS = 20_000_000_000  # an estimator takes seconds to align with the poses that it is given
+
+
+class Driver(Protocol):
+    """The driver of a vehicle; see `vehicle.px4.driver.driver.Px4Link`."""
+
+    phase: str
+
+    def step(
+        self, now_ns: int, command: Rates | None = None, external_pose: ExternalPose | None = None, /
+    ) -> LinkOutput: ...
+    def allow_arming(self, arming: Arming, /) -> None: ...
+    def refuse_arming(self) -> None: ...
+    def release(self) -> None: ...
+    def kill(self) -> None: ...
+    @property
+    def armed(self) -> bool: ...
+    @property
+    def garbage(self) -> int: ...
+    @property
+    def parameters(self) -> dict[str, float]: ...
 
 
 class VehicleLink(Node):
@@ -44,7 +63,7 @@ class VehicleLink(Node):
 
     def __init__(
         self,
-        link: Px4Link,
+        link: Driver,
         gate: VehicleGate,
         stands_for_truth: bool = False,
         external_pose: bool = False,

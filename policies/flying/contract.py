@@ -16,7 +16,10 @@ from vehicle.quadrotor.airframe import Airframe
 
 METADATA_KEY = "perch_hil_contract"
 _RETRAIN = "; train it with this version of the project"
-_STAGES = {"vision": ": it knows of the board by a camera; train one with --stage vision"}
+_STAGES = {
+    "vision": ": it knows of the board by a camera; train one with --stage vision",
+    "state": ": it knows of the board by motion capture; train one with --stage state, or fly a planner",
+}
 _ANOTHER_CAMERA = "; correct the calibration or the mount, train one for this mount, or fly a planner"
 # How far a rig's camera may differ from the one trained with. Training turns the camera by up to 5 deg each way
 # (`camera_tilt_deg` of policies/environment/config.py) and evaluation by up to 8; nothing varies the other two: so much

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from policies.flying.contract import CameraContract, ContractError, check_contract
 from policies.flying.guided import GuidedPolicy
@@ -14,7 +15,7 @@ from policies.flying.shipped import FLYABLE, policy_file
 from policies.flying.trial import try_policy
 from policies.guidance.params import GuidanceParams
 from policies.planner.learned_policy import LearnedPlannerPolicy
-from policies.planner.policy import GUIDANCE, PlannerPolicy
+from policies.planner.policy import GUIDANCE, STATE_GUIDANCE, PlannerPolicy
 from policies.prediction.learned import CHECKPOINT, read_predictor
 from policies.task.interface import FlyingPolicy
 from vehicle.quadrotor.airframe import Airframe
@@ -37,19 +38,27 @@ class PolicyFactory:
 
 
 def policy_factory(
-    name: str, airframe: Airframe, guidance: bool = True, camera: CameraContract | None = None
+    name: str,
+    airframe: Airframe,
+    guidance: bool = True,
+    camera: CameraContract | None = None,
+    stage: Literal["state", "vision"] | None = None,
 ) -> PolicyFactory:
     """Makes the policy called `name`: `planner` (it predicts by a network), `planner-analytic`, the shipped network
     `vision`, or an ONNX file. With `guidance` the laws of the last half second act on what it asks, but for a network
     whose contract does not want them.
 
-    `camera`: as the rig has it; the policy must then be one for a camera's belief and for that camera.
+    `camera`: as the rig has it; the policy must then be one for that camera. `stage`: how it must know of the board, by
+    motion capture (state) or a camera (vision); None: by either.
 
     Raises ContractError for a file that cannot be flown, ValueError for a name that is neither.
     """
 
-    def guided(policy: FlyingPolicy, **changes: float) -> FlyingPolicy:
-        return GuidedPolicy(policy, airframe, GuidanceParams.of(airframe, **changes)) if guidance else policy
+    by_state = stage == "state"
+    changes = STATE_GUIDANCE if by_state else GUIDANCE
+
+    def guided(policy: FlyingPolicy, **fields: float) -> FlyingPolicy:
+        return GuidedPolicy(policy, airframe, GuidanceParams.of(airframe, **fields)) if guidance else policy
 
     if name == "planner":
         try:
@@ -60,14 +69,14 @@ def policy_factory(
                 "policies.prediction.learned_training, or fly planner-analytic"
             ) from None
         net, digests = read_predictor(data, CHECKPOINT), {PREDICTOR: hashlib.sha256(data).hexdigest()}
-        return PolicyFactory(lambda: guided(LearnedPlannerPolicy(airframe, net), **GUIDANCE), digests)
+        return PolicyFactory(lambda: guided(LearnedPlannerPolicy(airframe, net, by_state), **changes), digests)
     if name == "planner-analytic":
-        return PolicyFactory(lambda: guided(PlannerPolicy(airframe), **GUIDANCE), {})
+        return PolicyFactory(lambda: guided(PlannerPolicy(airframe, by_state), **changes), {})
     file = policy_file(name)
     if file is None or file.suffix != ".onnx":
         raise ValueError(f"no policy {name!r}: use {', '.join(FLYABLE)}, or the path of an .onnx file")
     network = open_policy(file)
-    check_contract(network.contract, airframe=airframe, camera=camera, stage=None if camera is None else "vision")
+    check_contract(network.contract, airframe=airframe, camera=camera, stage=stage)
     try_policy(network)
     policy = OnnxPolicy(network, airframe)
     made = guided(policy) if network.contract.guidance else policy

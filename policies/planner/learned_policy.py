@@ -17,11 +17,11 @@ from vehicle.quadrotor.airframe import Airframe
 class LearnedPlannerPolicy(PlannerPolicy):
     """`PlannerPolicy` whose future comes from the network; without enough history it is the analytic one."""
 
-    def __init__(self, airframe: Airframe, net: np.ndarray | None = None) -> None:
+    def __init__(self, airframe: Airframe, net: np.ndarray | None = None, by_state: bool = False) -> None:
         """`net`: row of `load_predictor`, by default of the committed network. Raises what `load_predictor` raises."""
         self._net = load_predictor() if net is None else net
         self._memory, self._scratch = np.zeros(MEMORY_DIM), np.zeros(scratch_row.DIM, dtype=np.float32)
-        super().__init__(airframe)
+        super().__init__(airframe, by_state)
 
     def reset(self, now_ns: int) -> None:
         """Start anew; `now_ns` becomes second 0."""

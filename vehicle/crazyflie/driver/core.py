@@ -36,7 +36,7 @@ class LinkCore:
         self.phase = "connect"
         self.refused = 0  # commands that were not sent: not finite, or not allowed in this phase
         self.identity: Identity | None = None
-        self.parameters: dict[str, float] = {}
+        self._values: dict[str, float] = {}
         self._answers: dict[tuple[int, int], list[bytes]] = {}
         self._now = self._since = 0
         self._asked: int | None = None
@@ -55,6 +55,11 @@ class LinkCore:
         if status is None:
             return False
         return status.has(Info.FLYING) or (status.has(Info.ARMED) and not status.has(Info.AUTO_ARMED))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Its parameters that matter here, as read before the flight."""
+        return dict(self._values)
 
     @property
     def garbage(self) -> int:

@@ -126,7 +126,7 @@ class GroundPhases(LinkCore):
                     self._asked = None
                 elif channel == Parameters.READ and name in self._unread:
                     self._unread.remove(name)
-                    self.parameters[name] = float(value)
+                    self._values[name] = float(value)
 
     def _block_requests(self, block: int, names: tuple[tuple[str, str], ...], period_ms: int) -> list:
         entries = [struct.pack("<BH", LOG_KINDS[kind][0], self._log.numbers[name][0]) for name, kind in names]

@@ -18,6 +18,15 @@ def test_every_shipped_rig_flies_its_default_policy(rig):
     assert plan.make_policy()
 
 
+@pytest.mark.parametrize("policy", ["vision", str(ROOT / "policies/checkpoints/plain/vision.onnx")])
+def test_network_for_a_camera_is_refused_where_the_policy_knows_motion_capture(tmp_path, policy):
+    path = tmp_path / "mine.toml"
+    path.write_text('title = "state-based"\n[policy]\nkind = "planner"\nknows = "mocap"\n')
+    with pytest.raises(ContractError, match="stage vision, this flight has state: it knows of the board by motion"):
+        Plan("simple-i", str(path), policy, None)
+    assert Plan("simple-i", str(path), None, None).make_policy()
+
+
 @pytest.mark.parametrize("policy", ["state", str(ROOT / "policies/checkpoints/plain/state.onnx")])
 @pytest.mark.parametrize("rig", ["sim", "field"])
 def test_network_for_the_true_state_is_refused_on_a_rig_with_a_camera(rig, policy):

@@ -67,6 +67,19 @@ def test_shipped_rigs_can_be_read_and_warmed_up(name):
         ('[camera.calibration]\nmodel = "fisheye"\ndistortion = [0.1]', "4 coefficients, not 1"),
         ("[policy]\nguidance = 1", "policy.guidance.*boolean"),
         ('[vehicle]\nkind = "mavlink"\nurl = "udp://:14540"\nexternal_pose = true', "its own estimate"),
+        (
+            '[vehicle]\nkind = "mavlink"\nurl = "radio://0/80/2M/E7E7E7E7E7"',
+            'radio:// is the address of kind "crazyflie"',
+        ),
+        ('[vehicle]\nkind = "crazyflie"\nurl = "radio://0/200/2M/E7"', "vehicle.url.*channels 0 to 125"),
+        ('[vehicle]\nkind = "crazyflie"\nurl = "tcp://host:1"\nexternal_pose = true', "is the address of kind"),
+        ('[vehicle]\nkind = "crazyflie"', "needs a url"),
+        ('[vehicle]\nkind = "crazyflie-sim"', "set external_pose = true"),
+        (
+            '[vehicle]\nkind = "crazyflie"\nurl = "radio://0/80/2M/E7E7E7E7E7"\nexternal_pose = true',
+            "its own estimate",
+        ),
+        ('[policy]\nknows = "lidar"', "policy.knows.*camera"),
     ],
 )
 def test_incomplete_rig_raises_when_read(tmp_path, text, expected):

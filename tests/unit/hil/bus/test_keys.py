@@ -62,3 +62,11 @@ def test_every_node_may_publish_its_topics_of_the_contract():
         node = twin.node(name)
         assert set(node.outputs) - {"event"} <= published_by(name, node_names(PLAN.rig))
         node.close()
+
+
+def test_access_list_lets_the_belief_receive_motion_capture_where_the_policy_may_know_it():
+    table = access_control(service_nodes(PLAN.rig), "mocap")
+    keys = {rule["id"]: set(rule["key_exprs"]) for rule in table["rules"]}
+    for kind in ("out", "sub"):
+        assert TOPIC + "mocap/board" in keys[f"brain-{kind}"]
+        assert not {TOPIC + "truth/board", TOPIC + "mocap/vehicle", TOPIC + "car/command"} & keys[f"brain-{kind}"]

@@ -2,7 +2,7 @@ import pytest
 
 from hil.contract.graph import GraphError, check_graph
 from hil.contract.topics import EVERYONE, TOPICS, may_read
-from hil.nodes.belief import BeliefNode
+from hil.nodes.belief import BeliefNode, MocapBeliefNode
 from hil.nodes.detector import Detector
 from hil.nodes.policy import PolicyNode
 from tests.unit.hil.contract.node_fakes import FakeNode
@@ -68,3 +68,17 @@ def test_a_graph_that_cannot_run_is_refused_with_its_reason(nodes, words):
 
 def test_several_nodes_may_publish_events():
     check_graph([FakeNode("a", outputs=("event",)), FakeNode("b", outputs=("event",))])
+
+
+def test_belief_reads_motion_capture_of_the_board_only_where_the_policy_may_know_it():
+    node = FakeNode(MocapBeliefNode.name, inputs=MocapBeliefNode.inputs, wakes=MocapBeliefNode.wakes)
+    with pytest.raises(GraphError, match="'belief' may not read 'mocap/board'"):
+        check_graph([ALL, node])
+    check_graph([ALL, node], "mocap")
+
+
+@pytest.mark.parametrize("topic", [topic for topic in CAR_TRUTH if topic != "mocap/board"])
+@pytest.mark.parametrize("name", ["belief", "policy", "detector"])
+def test_motion_capture_opens_nothing_else_of_the_cars_truth(name, topic):
+    assert not may_read(name, topic, "mocap")
+    assert not may_read("policy", "mocap/board", "mocap")

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from hil.contract.messages import Detection, VehicleState
-from hil.nodes.belief import BeliefNode
+from hil.contract.messages import BoardState, Detection, VehicleState
+from hil.nodes.belief import BeliefNode, MocapBeliefNode
 from kernel.rotations import from_euler
 from policies.estimation.board_filter import BoardFilter
 from tests.unit.hil.contract.node_fakes import filled
@@ -90,3 +90,34 @@ def test_detection_stamped_later_than_now_is_reported_once_and_later_ones_are_us
     (used,) = step(node, 390 * MS, detection(330 * MS))
     assert used.accepted == belief.accepted + 1
     assert node.counters["detections refused, stamped later than now"] == 2
+
+
+def captured(stamp):
+    """Motion capture's board, which claims to stand still."""
+    seen = detection(stamp)
+    return BoardState(stamp, seen.position, (0.0,) * 3, seen.orientation, HEADING, 0.0, 0.0)
+
+
+def test_motion_capture_gives_speed_from_poses_alone_and_its_delay_is_predicted_over():
+    node = MocapBeliefNode(BoardFilter())
+    assert set(node.wakes) == set(node.inputs)
+    delay = 30 * MS
+    for at in range(0, 1500 * MS, 10 * MS):
+        now = at + delay
+        messages = [("mocap/board", captured(at)), ("vehicle/odometry", odometry(now))]
+        belief = [out.message for out in node.step(now, filled(node, *messages))][-1]
+    assert belief.valid
+    assert belief.speed == pytest.approx(SPEED, abs=0.02)
+    assert belief.turn_rate == pytest.approx(0.0, abs=0.05)
+    along = SPEED * belief.stamp_ns * 1e-9
+    assert belief.position[0] == pytest.approx(along * math.cos(HEADING), abs=0.01)
+    assert belief.last_exposure_ns == belief.stamp_ns - delay
+
+
+def test_motion_capture_stamped_later_than_now_is_refused_and_told():
+    node = MocapBeliefNode(BoardFilter())
+    outs = node.step(0, filled(node, ("mocap/board", captured(100 * MS))))
+    assert [out.message.text for out in outs] == [
+        "a pose of motion capture was refused: stamped later than now; further ones are only counted"
+    ]
+    assert node.counters == {"poses of motion capture refused, stamped later than now": 1}
