@@ -91,7 +91,7 @@ def fly(
     from kernel.toml_errors import ConfigError, load_toml
     from policies.flying.contract import ContractError
     from scenarios.faults import FaultFile
-    from scenarios.spec import list_scenarios
+    from scenarios.spec import list_scenarios, load
 
     try:
         if not 0.5 <= confidence < 1.0:
@@ -103,7 +103,7 @@ def fly(
         _check_pairs(requirements, policies)
         listed = read_list(sealed) if sealed else None
         tables = load_toml(faults, FaultFile).fault if faults else ()
-        flown = tuple(scenarios or list_scenarios())
+        flown = tuple(scenarios or (name for name in list_scenarios() if load(name).published))
         grid = Grid(flown, policies, parse_seeds(None, seeds), rig, camera, pictures, out, tables, keep)
         wanted = check(grid)
     except (ConfigError, ContractError, ValueError) as error:

@@ -67,4 +67,4 @@ def with_faults(
         node: Node = FaultyNode(build, acting, decorated)
     else:
         node = build(wires)
-    return Timetable(node, tables) if tables and name == DIRECTOR else node
+    return Timetable(node, tables, "camera" in setting.nodes) if tables and name == DIRECTOR else node

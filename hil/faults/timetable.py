@@ -17,11 +17,13 @@ _READ = ("mocap/vehicle", "mocap/board", "board/detection")
 class Timetable(Node):
     """Begins each fault when its condition is true for the first time, and ends it when its time is over."""
 
-    def __init__(self, director: Node, faults: Sequence[FaultTable]) -> None:
-        self._director, self._faults = director, faults
+    def __init__(self, director: Node, faults: Sequence[FaultTable], sees: bool = True) -> None:
+        """`sees`: the run has a camera, whose detections a condition may count."""
+        self._director, self._faults, self._sees = director, faults, sees
         self._conditions = [fault.condition for fault in faults]
         self.name, self.wakes, self.period_ns = director.name, director.wakes, director.period_ns
-        self.inputs = (*director.inputs, *(topic for topic in _READ if topic not in director.inputs))
+        read = _READ if sees else tuple(topic for topic in _READ if topic != "board/detection")
+        self.inputs = (*director.inputs, *(topic for topic in read if topic not in director.inputs))
         self.outputs = (*director.outputs, TOPIC)
         self._stage: Stage | None = None
         self._detections = 0
@@ -62,7 +64,7 @@ class Timetable(Node):
         status: VehicleStatus | None = inbox.latest("vehicle/status")
         stage = self._stage
         started = stage is not None and stage.name == "attempt"
-        if started:
+        if started and self._sees:
             start_ns = stage.attempt_start_ns if stage else 0
             self._detections += sum(d.found and d.stamp_ns >= start_ns for d in inbox.new("board/detection"))
         return {
@@ -70,7 +72,7 @@ class Timetable(Node):
             "distance": math.dist(vehicle.position, board.position) if vehicle and board else None,
             "height": vehicle.position[2] if vehicle else None,
             "speed": math.hypot(*vehicle.velocity) if vehicle else None,
-            "detections": float(self._detections) if started else None,
+            "detections": float(self._detections) if started and self._sees else None,
             "stage": stage.name if stage else None,
             "phase": status.phase if status else None,
         }
