@@ -14,6 +14,15 @@ from hil.assembly.rig import Rig
 from hil.bench.camera import CameraBench, Quat
 from hil.bench.camera_device import DeviceBench
 from hil.bench.car import CarBench
+from hil.bench.crazyflie import (
+    CrazyflieBench,
+    CrazyflieReport,
+    CrazyflieTrial,
+    SimulatedCrazyflie,
+    live_crazyflie,
+    read_crazyflie,
+    try_crazyflie,
+)
 from hil.bench.failsafes import TrialReport, try_failsafes
 from hil.bench.mocap import CurveReport, MocapReport, measure_curve, measure_mocap
 from hil.bench.reading import NotApplicable, Unavailable
@@ -29,6 +38,7 @@ if TYPE_CHECKING:
     from hil.bus.clock import Clock
 
 T = TypeVar("T")
+_CRAZYFLIES = ("crazyflie-sim", "crazyflie")
 _STALE_S = 5.0  # a report of a real device older than this is taken anew
 
 
@@ -89,6 +99,9 @@ class Context:
         """
         if self.rig.vehicle.simulated:
             return {}
+        if self.rig.vehicle.kind == "crazyflie":
+            report = self.crazyflie()
+            return Arming(report.identity, report.parameters).table()
         identity = self.identity()
         bench: Bench = self._kept["bench"]
         held = {**self._parameters, **bench.link.parameters, **bench.read}
@@ -104,6 +117,26 @@ class Context:
         if not self.rig.vehicle.simulated:
             raise Unavailable("a trial flight is for simulated vehicles only: try it by hand, under supervision")
         return self._of("vehicle", "trial", lambda: try_failsafes(self.airframe, self.rig, self.drawn))
+
+    def crazyflie(self) -> CrazyflieReport:
+        """A Crazyflie, on the ground and not armed."""
+        bench: CrazyflieBench = self._of("vehicle", "bench", self._crazyflie_bench, _CRAZYFLIES)
+        if not self.rig.vehicle.simulated and time.monotonic() - self._reported_s > _STALE_S:
+            self._kept.pop("ground", None)
+        if "ground" not in self._kept:
+            self._kept["ground"] = read_crazyflie(bench)
+            self._reported_s = time.monotonic()
+        return self._kept["ground"]
+
+    def _crazyflie_bench(self) -> CrazyflieBench:
+        if self.rig.vehicle.simulated:
+            return SimulatedCrazyflie(self.airframe, self.rig, self.drawn)
+        return live_crazyflie(self.airframe, self.rig)
+
+    def crazyflie_trial(self) -> CrazyflieTrial:
+        """A test flight of a simulated Crazyflie."""
+        parts = (self.airframe, self.rig, self.drawn)
+        return self._of("vehicle", "trial", lambda: try_crazyflie(*parts), ("crazyflie-sim",))
 
     def car(self) -> CarBench:
         """The ground car in CAN mode."""
@@ -158,8 +191,8 @@ class Context:
 
     def forget(self) -> None:
         """Close the devices, so that a repeated check reads them anew."""
-        if "bench" in self._kept:
-            self._parameters |= self._kept["bench"].read
+        if isinstance(bench := self._kept.get("bench"), Bench):
+            self._parameters |= bench.read
         for name in ("bench", "car"):
             if name in self._kept:
                 self._kept[name].close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from hil.check import (  # noqa: F401  importing them registers their checks
     items_camera,
     items_car,
+    items_crazyflie,
     items_ground,
     items_host,
     items_mocap,

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from vehicle.crazyflie import commands
 from vehicle.crazyflie.crtp import Info, Log, Packet, Parameters, Platform, Port, Version, pack, unpack
-from vehicle.crazyflie.driver.device import Device
+from vehicle.crazyflie.driver.device import Device, Status
 from vehicle.crazyflie.driver.table_reader import TableReader
 from vehicle.crazyflie.driver.types import CrazyflieConfig
 from vehicle.crazyflie.table import LOG_KINDS, PARAMETER_KINDS
@@ -55,6 +55,11 @@ class LinkCore:
         if status is None:
             return False
         return status.has(Info.FLYING) or (status.has(Info.ARMED) and not status.has(Info.AUTO_ARMED))
+
+    @property
+    def status(self) -> Status | None:
+        """Its last report on battery, supervisor and estimate."""
+        return self._device.status
 
     @property
     def parameters(self) -> dict[str, float]:

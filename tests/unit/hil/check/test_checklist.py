@@ -23,9 +23,9 @@ def write(tmp_path, text):
 
 
 def test_shipped_checklists_load():
-    assert list_checklists() == ["postflight", "preflight"]
+    assert list_checklists() == ["crazyflie", "postflight", "preflight"]
     for name in list_checklists():
-        assert load_checklist(name).kind == name
+        assert load_checklist(name).kind == {"crazyflie": "preflight"}.get(name, name)
 
 
 def test_own_checklist_clears_only_with_kind_preflight(tmp_path):
