@@ -132,6 +132,17 @@ class Tolerance(Table):
     angle: Positive = 0.2
 
 
+class Attachment(Table):
+    """What holds the vehicle on the board, and within which limits at contact: rad, m/s along the board, m/s into it.
+
+    No limits are published. The defaults are a small pot magnet's on a sheet of steel, see policies/task/contact.py.
+    """
+
+    normal_error: Positive = 0.35
+    tangential_speed: Positive = 0.8
+    impact_speed: Range = (0.05, 1.5)
+
+
 class Workspace(Table):
     """The box the vehicle must stay in from hand-over to the end, in the world frame (z from the ground)."""
 
@@ -173,6 +184,7 @@ class Scenario(Table):
     car: Car = Car()
     wind: Wind = Wind()
     tolerance: Tolerance = Tolerance()
+    attachment: Attachment = Attachment()
     workspace: Workspace = Workspace()
     randomisation: Randomisation = Randomisation()
     time_limit: Positive = 15.0

@@ -29,8 +29,8 @@ def director(parts: Parts) -> Director:
 
 
 def referee(parts: Parts) -> Referee:
-    """With the scenario's tolerances and workspace, and the airframe's contact disc."""
-    tolerance, space = parts.scenario.tolerance, parts.scenario.workspace
+    """With the scenario's tolerances, attachment and workspace, and the airframe's contact disc."""
+    tolerance, space, holds = parts.scenario.tolerance, parts.scenario.workspace, parts.scenario.attachment
     rules = ContactRules(
         delta_d=tolerance.distance,
         delta_v=tolerance.tangential_speed,
@@ -39,5 +39,9 @@ def referee(parts: Parts) -> Referee:
         workspace_xy=max(abs(limit) for limit in (*space.x, *space.y)),
         workspace_z=space.z[1],
         time_limit=parts.scenario.time_limit,
+        magnet_normal_error=holds.normal_error,
+        magnet_tangential=holds.tangential_speed,
+        magnet_normal_min=holds.impact_speed[0],
+        magnet_normal_max=holds.impact_speed[1],
     )
     return Referee(rules, parts.frame.contact, None if parts.scenario.tilts else parts.inclination)

@@ -236,7 +236,7 @@ class Rig(_Section):
 
     title: str
     preflight: str = Field(
-        default="preflight", description="the checklist whose go lets it arm: preflight, crazyflie, or a .toml of your own"
+        default="preflight", description="the checklist whose go lets it arm: preflight, crazyflie, or your own .toml"
     )
     crew_keys: tuple[str, ...] = Field(default=(), description="public keys (PEM, Ed25519): a go must be signed by one")
     vehicle: VehicleSlot = VehicleSlot()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from groundcar.board.layout import Board
+from policies.task.contact import ContactRules
 from scenarios.paper import RealRow, paper, published
 from scenarios.spec import BOARD_SIZE, FOLDER, list_scenarios, load
 
@@ -139,3 +140,12 @@ def test_missing_and_binary_files_are_refused(tmp_path):
 def test_the_only_size_of_the_board_is_the_printed_board_s(edited):
     assert Board().size == BOARD_SIZE
     assert load(edited("hard-i", "[board]", f"[board]\nsize = {BOARD_SIZE}")).board.size == BOARD_SIZE
+
+
+def test_wall_has_velcro_s_limits_and_the_others_the_magnet_s():
+    assert load("crazyflie-wall").attachment.impact_speed == (0.2, 2.0)
+    magnet = ContactRules()
+    for name in NAMES:
+        holds = load(name).attachment
+        assert holds.impact_speed == (magnet.magnet_normal_min, magnet.magnet_normal_max)
+        assert (holds.normal_error, holds.tangential_speed) == (magnet.magnet_normal_error, magnet.magnet_tangential)
