@@ -15,6 +15,8 @@ from vehicle.px4.driver.arming import Arming, Identity
 from vehicle.px4.driver.types import ExternalPose, LinkOutput, Note
 
 SECOND = 1_000_000_000
+KNOWN_VARIANCE = 1e-2  # m^2: the position is known
+_LOW_POWER = 3  # pm.state
 _ALARMING = ("lock", "crash", "fall", "error", "warning", "fail")
 
 
@@ -46,6 +48,7 @@ class LinkCore:
         self._console = ""
         self._arming: Arming | None = None
         self._was = (False, "")  # connected, mode
+        self._alarms: set[str] = set()  # that were told, and last
         self._garbage = 0
 
     @property
@@ -159,6 +162,13 @@ class LinkCore:
 
     # reporting
 
+    def _alarm(self, sounds: bool, text: str) -> None:
+        """A warning when it begins."""
+        key = text.partition(":")[0]
+        if sounds and key not in self._alarms:
+            self._note("error", text)
+        (self._alarms.add if sounds else self._alarms.discard)(key)
+
     def _mode(self) -> str:
         status = self._device.status
         if status is None:
@@ -182,6 +192,9 @@ class LinkCore:
         was_connected, was_mode = self._was
         if was_connected and not connected:
             self._note("error", "link lost: no log data for 1 s")
+        if connected and status is not None and self.armed:
+            self._alarm(status.power == _LOW_POWER, f"its battery is low: {status.battery_v:.2f} V")
+            self._alarm(status.variance > KNOWN_VARIANCE, "it no longer knows where it is: no external pose comes")
         if mode != was_mode:
             self._note("error" if mode in ("locked", "crashed") else "info", f"supervisor: {mode}")
         self._was = (connected, mode)

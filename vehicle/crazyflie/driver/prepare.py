@@ -18,7 +18,7 @@ from vehicle.crazyflie.crtp import (
     SupervisorCommand,
     Version,
 )
-from vehicle.crazyflie.driver.core import ByteWire, LinkCore
+from vehicle.crazyflie.driver.core import KNOWN_VARIANCE, ByteWire, LinkCore
 from vehicle.crazyflie.driver.device import STATE, STATE_BLOCK, STATE_MS, STATUS, STATUS_BLOCK, STATUS_MS
 from vehicle.crazyflie.driver.types import CrazyflieConfig
 from vehicle.crazyflie.table import LOG_KINDS, PARAMETER_KINDS
@@ -27,7 +27,6 @@ from vehicle.px4.driver.arming import Arming, Identity
 # Set and read back before it is armed: Kalman filter and PID controller; and those that are only read.
 SET = {"stabilizer.estimator": 2.0, "stabilizer.controller": 1.0, "stabilizer.stop": 0.0}
 READ = ("supervisor.tmblChckEn", "supervisor.prefltTimeout", "supervisor.landedTimeout", "locSrv.extPosStdDev")
-KNOWN_VARIANCE = 1e-2  # m^2: the position is known
 
 _GREETING = b"Bitcraze Crazyflie"
 _BLOCKS = ((STATE_BLOCK, STATE, STATE_MS), (STATUS_BLOCK, STATUS, STATUS_MS))

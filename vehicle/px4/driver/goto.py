@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 from kernel.rotations import wrap_angle, yaw
-from vehicle.px4.driver.types import LinkConfig, Odometry, Vec3
+from vehicle.px4.driver.types import Odometry, Vec3
 
 _HEADING = 0.1  # rad, of the hover
 _CALM_S = 0.1  # body rates are averaged over: single ones show the frame's vibrations
@@ -13,10 +14,29 @@ _ENOUGH = 5  # thrust samples
 _FEED_FORWARD = 0.7  # share of the set-point's velocity: all of it overshoots, as PX4's velocity loop lags
 
 
+class Hovering(Protocol):
+    """What a driver's configuration says of the start and of the hover there; see `LinkConfig`."""
+
+    @property
+    def start(self) -> tuple[float, float, float, float]: ...
+    @property
+    def goto_speed(self) -> float: ...
+    @property
+    def goto_acceleration(self) -> float: ...
+    @property
+    def hover_position(self) -> float: ...
+    @property
+    def hover_speed(self) -> float: ...
+    @property
+    def hover_turning(self) -> float: ...
+    @property
+    def hover_time(self) -> float: ...
+
+
 class Approach:
     """Moves a set-point to the start and judges whether the vehicle has come to rest there."""
 
-    def __init__(self, config: LinkConfig) -> None:
+    def __init__(self, config: Hovering) -> None:
         self._config = config
         self._point: Vec3 | None = None
         self._speed = 0.0

@@ -128,6 +128,14 @@ def test_lost_motion_capture_lets_the_estimate_drift_and_its_variance_tells():
     bench.poses = False
     bench.run(4000)
     assert bench.link._device.status.variance > 1e-2
+    assert bench.texts().count("it no longer knows where it is: no external pose comes") == 1
+
+
+def test_low_battery_is_told_once():
+    bench = Bench().until("hover")
+    bench.sim.flight.battery.charge = 0.05
+    bench.run(1000)
+    assert len([text for text in bench.texts() if text.startswith("its battery is low: 3.")]) == 1
 
 
 @pytest.mark.parametrize(
