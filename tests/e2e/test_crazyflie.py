@@ -35,9 +35,7 @@ def test_crazyflie_perches_on_the_wall_by_motion_capture_and_its_run_replays(tmp
     assert replay_run(flight.run.path).same
 
 
-@pytest.mark.parametrize(
-    ("kind", "why"), [("policy.nan", "command is not finite"), ("mocap.dropout", ""), ("service.killed", "")]
-)
+@pytest.mark.parametrize(("kind", "why"), [("policy.nan", "command is not finite"), ("mocap.dropout", "")])
 def test_crazyflie_that_loses_what_it_needs_is_landed(kind, why, tmp_path):
     found = flown(tmp_path, FaultTable.model_validate({"kind": kind, "at": 1.0})).flight_class
     assert found is not None and found.name == ABORTED, found

@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-from tests.unit.vehicle.crazyflie.driver.bench import HERE, HOVER, START, Bench
+from tests.unit.vehicle.crazyflie.driver.bench import HOVER, START, Bench
 from vehicle.crazyflie.crtp import Packet, Port
 from vehicle.crazyflie.driver.device import STATE_BLOCK, Device
 from vehicle.crazyflie.driver.table_reader import TableReader
@@ -31,30 +31,6 @@ def test_it_hovers_at_the_start_whether_or_not_it_arms_itself(auto_arm):
     assert bench.link.identity == Identity("", "2026.08")
 
 
-def test_odometry_is_the_estimate_at_its_time():
-    bench = Bench().until("hover")
-    bench.odometry.clear()
-    bench.run(1000, Rates((0.3, -0.3, 0.2), GRAVITY))
-    assert len(bench.odometry) >= 95
-    for now, sample, truth in bench.odometry:
-        assert 0 <= now - sample.stamp_ns <= 8_000_000
-        assert math.dist(sample.position, truth.position) < 0.05
-        assert math.dist(sample.velocity, truth.velocity) < 0.15
-        assert math.dist(sample.body_rate, truth.body_rate) < 0.15
-        assert abs(sum(a * b for a, b in zip(sample.orientation, truth.orientation, strict=True))) > 0.999
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_rates_and_thrust_are_flown(axis):
-    bench = Bench().until("hover")
-    rate = [0.0, 0.0, 0.0]
-    rate[axis] = 0.8
-    bench.run(250, Rates(tuple(rate), GRAVITY))
-    assert bench.phase == "handed_over"
-    assert bench.sim.truth().body_rate[axis] == pytest.approx(0.8, abs=0.25)
-    assert bench.output.sent_thrust is None or bench.output.sent_thrust == pytest.approx(0.635, abs=0.02)
-
-
 def test_thrust_is_what_was_asked_for_with_a_heavier_vehicle():
     frame_row = Bench().sim._params.copy()
     frame_row[0] *= 1.15
@@ -75,25 +51,6 @@ def test_thrust_beyond_the_battery_is_bounded_by_it():
     assert sent[-1] / 65535 == pytest.approx(most, abs=0.02)
 
 
-def test_released_it_lands_and_disarms():
-    bench = Bench().until("hover")
-    bench.run(500, HOVER)
-    bench.link.release()
-    bench.run(7000)
-    assert bench.sim.truth().position[2] == pytest.approx(HERE[2], abs=0.02)
-    assert not bench.output.armed
-    assert bench.phase == "released"
-
-
-def test_killed_its_motors_stop_at_once():
-    bench = Bench().until("hover")
-    bench.run(200, HOVER)
-    bench.link.kill()
-    bench.run(250)
-    assert max(bench.sim.truth().motors) < 0.05
-    assert not bench.output.armed
-
-
 def test_missing_commands_make_it_land():
     bench = Bench().until("hover")
     bench.run(300, HOVER)
@@ -103,14 +60,6 @@ def test_missing_commands_make_it_land():
     bench.run(7000)
     assert not bench.output.armed
     assert bench.sim.flight.supervisor.state not in (State.LOCKED, State.CRASHED)
-
-
-@pytest.mark.parametrize("command", [Rates((math.nan, 0.0, 0.0), 9.8), Rates((0.0, 0.0, 0.0), math.inf)])
-def test_command_that_is_not_finite_is_not_sent(command):
-    bench = Bench().until("hover")
-    bench.run(20, command)
-    assert bench.link.refused > 0
-    assert bench.phase == "hover"
 
 
 def test_lost_radio_is_told_and_the_firmware_stops_the_motors():
@@ -181,14 +130,6 @@ def test_permission_to_arm_is_awaited_and_its_conditions_are_compared():
     other = Bench({"arm": False}).until("ready")
     other.link.allow_arming(Arming(Identity("", "2026.08"), {"supervisor.tmblChckEn": 1.0}))
     other.until("takeoff")
-
-
-def test_refused_it_stays_on_the_ground():
-    bench = Bench({"arm": False}).until("ready")
-    bench.link.refuse_arming()
-    bench.run(500)
-    assert bench.phase == "failed"
-    assert not bench.output.armed
 
 
 def test_silent_crazyflie_is_told():
