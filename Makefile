@@ -15,11 +15,11 @@ $(VENV)/core: pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/test: $(VENV)/core
-	$(BIN)/pip install --quiet -c constraints.txt -e '.[test,train,view,sb3]'
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[test,train,view,sb3,cluster]'
 	touch $@
 
 $(VENV)/dev: $(VENV)/test
-	$(BIN)/pip install --quiet -c constraints.txt -e '.[test,train,view,sb3,dev]'
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[test,train,view,sb3,cluster,dev]'
 	touch $@
 
 run: $(VENV)/core ## fly Hard-I, everything simulated behind its real wire

@@ -34,11 +34,12 @@ def identified(scenario: Scenario) -> Scenario:
     if not isinstance(path, RecordedPath):
         return scenario
     recorded_motion(scenario)
-    digest = _digest(_file(path.file))
+    digest = _digest(recorded_file(path.file))
     return scenario.model_copy(update={"path": path.model_copy(update={"sha256": digest})})
 
 
-def _file(name: str) -> Path:
+def recorded_file(name: str) -> Path:
+    """The file that is read for `name`: of a run's folder its recording."""
     return Path(name) / "run.mcap" if Path(name).is_dir() else Path(name)
 
 
@@ -51,7 +52,7 @@ def _digest(path: Path) -> str:
 
 @lru_cache(maxsize=8)
 def _read(name: str, source: str, sha256: str, height: float, inclination: float) -> RecordedMotion:
-    file = _file(name)
+    file = recorded_file(name)
     if sha256 and _digest(file) != sha256:
         raise ConfigError(f"path.file: {file}: is another recording than the scenario says (its sha256 differs)")
     try:

@@ -1,41 +1,20 @@
-"""Scenarios x policies x seeds, flown in a pool of processes into one folder.
-
-What the folder holds already is not flown again.
-"""
+"""Scenarios x policies x seeds, and which of them a folder holds already: those are not flown again."""
 
 from __future__ import annotations
 
 import itertools
-import multiprocessing
-import os
-import signal
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numba
-
 from hil.assembly.plan import Plan
-from hil.host.flight import fly
-from hil.live.process import die_with_parent
-from hil.recording.autopilot_parameters import note_parameters
 from hil.recording.manifest import nested
-from hil.recording.provenance import Code, ProvenanceError
-from hil.recording.recorder import RecordingError
 from hil.recording.runs import RunError, list_runs, policy_identity
-from hil.scoring.flight_class import UNSAFE
-from hil.wires import WireError
 from kernel.toml_errors import ConfigError
 from scenarios.draw import MAX_SEED
 from scenarios.faults import FaultFile, FaultTable
-
-
-class CampaignError(RuntimeError):
-    """The campaign cannot go on; what was flown is kept."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +46,11 @@ class Job:
     seed: int
     fault: str = ""
 
+    @property
+    def case(self) -> tuple[str, str, str]:
+        """What is flown, whatever the seed."""
+        return self.scenario, self.policy, self.fault
+
 
 @dataclass(frozen=True)
 class Result:
@@ -93,7 +77,7 @@ def check(grid: Grid) -> list[Job]:
             raise ConfigError(f"{kind} {', '.join(twice)} is given twice")
     for scenario, policy in itertools.product(grid.scenarios, grid.policies):
         for case in grid.cases:
-            if not _plan_of(grid, Job(scenario, policy, 0, case)).rig.simulated:
+            if not plan_of(grid, Job(scenario, policy, 0, case)).rig.simulated:
                 raise ConfigError(
                     f'rig "{grid.rig}" has real devices: a campaign repeats seeds, which only simulation can'
                 )
@@ -119,75 +103,8 @@ def left_to_do(grid: Grid, jobs: Sequence[Job]) -> list[Job]:
     return [job for job in jobs if _wanted(grid, job) not in flown]
 
 
-def fly_all(grid: Grid, jobs: Sequence[Job], processes: int, code: Code) -> Iterator[Result]:
-    """Fly in `processes` processes; results as they come.
-
-    A KeyboardInterrupt ends the flights under way, closes their recordings and passes through. Raises CampaignError
-    if a process dies. For the main thread.
-    """
-    asked: list[int] = []
-
-    def interrupt(number: int, _: object) -> None:
-        asked.append(number)  # an exception out of a signal is lost if it meets a callback or a destructor
-        raise KeyboardInterrupt
-
-    context = multiprocessing.get_context("spawn")
-    count = min(processes, len(jobs))
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(os.getpid(),))
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
-        waiting: list[Future[Result | None]] = [pool.submit(_fly, grid, job, code) for job in jobs]
-        for done in as_completed(waiting):
-            result = done.result()
-            if result is None or asked:
-                raise KeyboardInterrupt
-            yield result
-    except BrokenProcessPool:
-        raise CampaignError(
-            "a flight's process died (out of memory? then use fewer --jobs); the same command goes on from here"
-        ) from None
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        signal.signal(signal.SIGINT, before)
-
-
-def _begin(campaign: int) -> None:
-    if not die_with_parent(campaign):
-        os._exit(1)  # killed already: nobody waits for what would be flown here
-    numba.set_num_threads(1)  # the processes are the threads
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # but for a flight's duration
-
-
-def _fly(grid: Grid, job: Job, code: Code) -> Result | None:
-    """In a process of the pool; None if it was interrupted."""
-    plan = _plan_of(grid, job)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        flight = fly(
-            plan.scenario, plan.rig, plan.make_policy(), job.seed,
-            policy_name=plan.policy_name, rig_name=Path(grid.rig).stem, pictures=grid.pictures, out=grid.out,
-            code=code, progress=lambda *_: None, clearance={"kind": "simulated"},
-        )  # fmt: skip
-        if flight.interrupted:
-            return None
-        note_parameters(flight.run)
-        found = flight.flight_class.name if flight.flight_class else ""
-        if grid.keep == "unsafe" and found != UNSAFE:
-            for path in flight.run.path.glob("*.mcap"):
-                path.unlink()
-    except (RunError, RecordingError, ProvenanceError, WireError) as error:
-        return Result(job, failure=str(error))
-    except KeyboardInterrupt:
-        return None
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    score = flight.score
-    failure = "" if plan.scenario.fault and found else flight.failure
-    return Result(job, score.verdict, tuple(score.reasons), failure, found)
-
-
 def _wanted(grid: Grid, job: Job) -> str:
-    plan = _plan_of(grid, job)
+    plan = plan_of(grid, job)
     scenario = {**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name}
     rig = {**plan.rig.model_dump(mode="json"), "name": Path(grid.rig).stem}
     return _key(scenario, rig, policy_identity(plan.policy_name), job.seed)
@@ -204,7 +121,8 @@ def _sorted(value: Any) -> Any:
     return [_sorted(part) for part in value] if isinstance(value, list | tuple) else value
 
 
-def _plan_of(grid: Grid, job: Job) -> Plan:
+def plan_of(grid: Grid, job: Job) -> Plan:
+    """What a job flies, read and checked once. Raises ConfigError, ContractError or ValueError."""
     return _plan(job.scenario, grid.rig, job.policy, grid.camera, grid.cases[job.fault])
 
 

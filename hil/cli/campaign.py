@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,6 +18,7 @@ from hil.cli.options import (
     UNDECIDED,
     USAGE,
     Camera,
+    Cluster,
     Json,
     Rig,
     complain,
@@ -27,7 +27,8 @@ from hil.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from hil.campaign.grid import Grid, Job
+    from hil.campaign.flying import Flying
+    from hil.campaign.grid import Job
     from hil.campaign.require import Requirement
 
 
@@ -68,6 +69,7 @@ def fly(
         Path | None, typer.Option(help="list of `campaign draw`: the folder's real flights are compared with it")
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, max=256, help="flights at a time [default: one a core]")] = None,
+    cluster: Cluster = None,
     out: Annotated[Path, typer.Option(help="folder of this campaign's runs and page")] = Path("campaign"),
     as_json: Json = False,
 ) -> None:
@@ -83,8 +85,10 @@ def fly(
     """
     from hil.assembly.rig import load_rig
     from hil.campaign.draw import read_list
-    from hil.campaign.grid import CampaignError, Grid, check, left_to_do
+    from hil.campaign.flying import Flying
+    from hil.campaign.grid import Grid, check, left_to_do
     from hil.campaign.require import MET, NOT_MET, read
+    from hil.campaign.workers.work import ClusterError, WorkersError
     from hil.recording.provenance import ProvenanceError, code
     from hil.recording.runs import RunError
     from hil.report.conclusion import Conclusion, conclude
@@ -106,16 +110,20 @@ def fly(
         flown = tuple(scenarios or (name for name in list_scenarios() if load(name).published))
         grid = Grid(flown, policies, parse_seeds(None, seeds), rig, camera, pictures, out, tables, keep)
         wanted = check(grid)
+        if cluster and load_rig(rig).vehicle.kind == "hitl":
+            raise ConfigError(f'rig "{rig}" flies a firmware of this machine: leave out --cluster')
     except (ConfigError, ContractError, ValueError) as error:
         raise fail(str(error), USAGE) from None
     interrupted, failures = False, 0
     found: Conclusion | None = None
     try:
         todo = left_to_do(grid, wanted)
-        failures = _fly(grid, todo, len(wanted), jobs or os.cpu_count() or 1, code()) if todo else 0
+        failures = _fly(Flying.of(grid, todo, code()), todo, len(wanted), cluster, jobs) if todo else 0
     except KeyboardInterrupt:
         interrupted = True
-    except (CampaignError, ProvenanceError, RunError, OSError) as error:
+    except ClusterError as error:
+        raise fail(str(error), USAGE) from None
+    except (WorkersError, ProvenanceError, RunError, OSError) as error:
         raise fail(str(error), COULD_NOT_RUN) from None
     try:
         found = conclude(out, Path(grid.policies[0]).name, requirements, confidence, xml=junit, listed=listed)
@@ -142,7 +150,7 @@ def _check_pairs(requirements: list[Requirement], policies: tuple[str, ...]) -> 
             raise ConfigError(f'--require "{one.text}" compares policies, and there is one: give --policy twice')
 
 
-def _fly(grid: Grid, todo: list[Job], total: int, processes: int, code: Any) -> int:
+def _fly(flying: Flying, todo: list[Job], total: int, cluster: str | None, jobs: int | None) -> int:
     """Fly with progress on stderr; returns how many could not be."""
     from rich.console import Console
     from rich.progress import (
@@ -154,18 +162,19 @@ def _fly(grid: Grid, todo: list[Job], total: int, processes: int, code: Any) -> 
         TimeRemainingColumn,
     )
 
-    from hil.campaign.grid import fly_all
+    from hil.campaign.workers.opening import open_workers
     from kernel.jit import cache_is_cold
 
     notes, failures = Console(stderr=True), 0
     if len(todo) < total:
-        notes.print(f"{total - len(todo)} of {total} flights are in {grid.out} already")
-    if cache_is_cold():
+        notes.print(f"{total - len(todo)} of {total} flights are in {flying.out} already")
+    if cluster is None and cache_is_cold():
         notes.print("First run on this machine: compiling kernels takes a minute or two, once.", style="yellow")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=notes, transient=True) as bar:
+    progress = Progress(*columns, TimeRemainingColumn(), console=notes, transient=True)
+    with open_workers(cluster, jobs) as workers, progress as bar:
         task = bar.add_task("flying", total=total, completed=total - len(todo))
-        for result in fly_all(grid, todo, processes, code):
+        for result in workers.each(flying, todo):
             bar.advance(task)
             job = result.job
             what = result.failure or (result.flight_class if job.fault else result.verdict)

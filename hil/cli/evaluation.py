@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,16 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from hil.campaign.evaluating import Evaluating
+from hil.campaign.workers.opening import open_workers
+from hil.campaign.workers.work import Workers
 from hil.cli.legends import EVALUATION
 from hil.cli.policy_table import note_lines, policy_data, policy_table
 from hil.cli.screen import say, screen
 from policies.environment.config import TICK
 from policies.evaluation.contenders import open_contender
-from policies.evaluation.evaluate import POINTS, Row, evaluate, evaluation_seed
-from policies.evaluation.maps import HeatMap, heatmap, motions, robustness
+from policies.evaluation.evaluate import Case, Policy, Row, evaluation_seed, fly_cases, points
+from policies.evaluation.maps import HeatMap, heatmap, map_cells, motions, robustness
 
 _NOISE = {"paper": "the paper's noise", "measured": "our detector's measured noise (about a tenth of the paper's)"}
 _CASE_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion or another vehicle and of a cell, of those of a point
@@ -25,7 +28,8 @@ _CASE_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion or another vehicle
 
 @dataclass(frozen=True)
 class Request:
-    """Options from the command line. `time_limit` s; `picture`: where the map goes, or None."""
+    """Options from the command line. `time_limit` s; `picture`: where the map goes, or None; `cluster`: its address, or
+    None to fly here."""
 
     policy: str
     episodes: int = 2000
@@ -37,6 +41,7 @@ class Request:
     robust: bool = False
     picture: Path | None = None
     seed: int = 0
+    cluster: str | None = None
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,25 @@ class Evaluation:
             say(f"wrote {picture} and {picture.with_suffix('.csv')}")
 
 
+class _Flyer:
+    """Flies cases with the requested policy, here or by workers, with a progress bar on stderr."""
+
+    def __init__(self, request: Request, policy: Policy, workers: Workers | None) -> None:
+        self._work = Evaluating(request.policy, request.noise)
+        self._policy, self._workers = policy, workers
+
+    def __call__(self, what: str, cases: list[Case]) -> list[Row]:
+        """A line for each case, in their order."""
+        with _bar(what) as watch:
+            if self._workers is None:
+                return fly_cases(self._policy, cases, self._work.noise, watch)
+            found: dict[str, Row] = {}
+            for row in self._workers.each(self._work, cases):
+                found[row.name] = row
+                watch(len(found) / len(cases))
+        return [found[case.name] for case in cases]
+
+
 @contextmanager
 def _bar(what: str):
     """A progress bar on stderr that takes shares from 0 to 1; nothing where stderr is not a terminal."""
@@ -106,26 +130,23 @@ def _bar(what: str):
 
 
 def evaluate_policy(request: Request) -> Evaluation:
-    """Evaluate as requested. Raises ContractError or ValueError for what cannot be flown, OSError for the picture."""
+    """Evaluate as requested.
+
+    Raises ContractError or ValueError for what cannot be flown, ClusterError or WorkersError for a cluster that is
+    not there, does not fit or was lost, OSError for the picture.
+    """
     contender = open_contender(request.policy)
     changes = {"warm": float(request.hover), "limit": round(request.time_limit / TICK)}
     config = contender.config(request.stage, evaluation_seed(request.seed), **changes)
-    policy, noise = contender.policy, request.noise
-    with _bar("points") as watch:
-        rows = evaluate(policy, config, request.episodes, tuple(POINTS), noise, watch)
-    motion_rows: list[Row] = []
-    robust_rows: list[Row] = []
-    episodes = max(10, round(_CASE_SHARE * request.episodes))
-    if request.motions:
-        with _bar("motions") as watch:
-            motion_rows = motions(policy, config, episodes, noise=noise, watch=watch)
-    if request.robust:
-        with _bar("other vehicles") as watch:
-            robust_rows = robustness(policy, config, episodes, noise, watch)
-    found = None
-    if request.picture is not None:
-        with _bar("map") as watch:
-            found = heatmap(policy, config, max(10, round(_CELL_SHARE * request.episodes)), noise, watch)
+    with nullcontext() if request.cluster is None else open_workers(request.cluster, None) as workers:
+        fly = _Flyer(request, contender.policy, workers)
+        rows = fly("points", points(config, request.episodes))
+        episodes = max(10, round(_CASE_SHARE * request.episodes))
+        motion_rows = fly("motions", motions(config, episodes)) if request.motions else []
+        robust_rows = fly("other vehicles", robustness(config, episodes)) if request.robust else []
+        found = None
+        if request.picture is not None:
+            found = heatmap(fly("map", map_cells(config, max(10, round(_CELL_SHARE * request.episodes)))))
     evaluation = Evaluation(request, contender.name, config.stage, rows, motion_rows, robust_rows, found)
     if found is not None and request.picture is not None:
         request.picture.parent.mkdir(parents=True, exist_ok=True)

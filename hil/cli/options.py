@@ -27,6 +27,10 @@ Keys = Annotated[
     Path | None, typer.Option(help="folder made by `perch-hil bus keys`: the bus is closed, its endpoint is tls/")
 ]
 Endpoint = Annotated[str | None, typer.Option(help=f"address of the hub, tcp/HOST:PORT [default: {ENDPOINT}]")]
+Cluster = Annotated[
+    str | None,
+    typer.Option(help="fly on a Ray cluster: ray://HOST:10001, auto, or HOST:6379 [default: on this machine]"),
+]
 Camera = Annotated[
     Literal["pictures", "model"] | None,
     typer.Option(help="pictures: rendered and searched for tags; model: the paper's visibility test and noise"),

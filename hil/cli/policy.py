@@ -10,7 +10,7 @@ import typer
 
 from hil.cli.groups import add_group
 from hil.cli.legends import EVALUATION, explained
-from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, OK, POLICIES, USAGE, Json, Rig, fail
+from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, OK, POLICIES, USAGE, Cluster, Json, Rig, fail
 
 
 def train(
@@ -101,6 +101,7 @@ def evaluate(
         Path | None, typer.Option(help="also map speed x inclination: writes this .svg and a .csv beside it")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="evaluation seed; no training or tuning draws from these")] = 0,
+    cluster: Cluster = None,
     as_json: Json = False,
 ) -> None:
     """Judge a policy by the paper's tables.
@@ -109,19 +110,23 @@ def evaluate(
 
     Thousands of episodes; success with exact intervals.
 
-    Exit code: 0 evaluated, 2 not a policy that can be flown or wrong options, 3 could not write.
+    Exit code: 0 evaluated, 2 not a policy that can be flown, wrong options or no such cluster, 3 could not write, or a
+    cluster was lost.
     """
+    from hil.campaign.workers.work import WorkersError
     from hil.cli.evaluation import Request, evaluate_policy
     from hil.cli.screen import print_json
     from policies.flying.contract import ContractError
 
     if heatmap is not None and heatmap.suffix != ".svg":
         raise fail(f"--heatmap {heatmap}: give a file that ends in .svg; the data goes beside it as .csv", USAGE)
-    request = Request(policy, episodes, stage, noise, hover, time_limit, motions, robust, heatmap, seed)
+    request = Request(policy, episodes, stage, noise, hover, time_limit, motions, robust, heatmap, seed, cluster)
     try:
         found = evaluate_policy(request)
     except (ContractError, ValueError, FileNotFoundError) as error:
         raise fail(str(error), USAGE) from None
+    except WorkersError as error:
+        raise fail(str(error), COULD_NOT_RUN) from None
     except OSError as error:
         raise fail(f"{error.filename or heatmap}: cannot be written: {error.strerror}", COULD_NOT_RUN) from None
     except KeyboardInterrupt:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, USAGE, complain, fail
+from hil.cli.options import COULD_NOT_RUN, INTERRUPTED, USAGE, Cluster, complain, fail
 
 
 def results(
@@ -17,6 +17,7 @@ def results(
     folder: Annotated[Path, typer.Option(help="folder of the data")] = Path("results"),
     flights: Annotated[Path, typer.Option(help="folder of the runs")] = Path("runs/results"),
     page: Annotated[Path, typer.Option(help="the page whose tables are made from the data")] = Path("docs/results.md"),
+    cluster: Cluster = None,
 ) -> None:
     """Measure the experiments of docs/results.md; write its tables.
 
@@ -25,6 +26,8 @@ def results(
 
     Exit code: 0 done, 2 usage, 3 an experiment could not be carried out, 130 interrupted.
     """
+    from hil.campaign.workers.opening import open_workers
+    from hil.campaign.workers.work import ClusterError
     from hil.recording.provenance import ProvenanceError, code
     from hil.results.experiments import EXPERIMENTS
     from hil.results.measure import MeasureError, is_measured, kept, measure
@@ -44,15 +47,19 @@ def results(
     if not page.is_file():
         raise fail(f"{page}: no such page; run this in the project's folder, or give --page", USAGE)
     try:
+        with open_workers(cluster, None):
+            pass  # a cluster that is not there or does not fit is told before the first hour
         for experiment in wanted:
             if again or not is_measured(experiment, folder):
                 complain(f"measuring {experiment.name}: {experiment.text}")
-                measure(experiment, folder, flights, code().manifest())
+                measure(experiment, folder, flights, code().manifest(), cluster)
         found = {name: kept(experiment, folder) for name, experiment in known.items()}
         data = {name: one["data"] for name, one in found.items() if one is not None}
         page.write_text(fill(page.read_text(encoding="utf-8"), data), encoding="utf-8")
     except KeyboardInterrupt:
         raise fail("interrupted; the same command goes on from here", INTERRUPTED) from None
+    except ClusterError as error:
+        raise fail(str(error), USAGE) from None
     except PageError as error:
         raise fail(f"{page}: {error}", USAGE) from None
     except (MeasureError, ProvenanceError, OSError) as error:

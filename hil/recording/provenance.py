@@ -15,7 +15,7 @@ from typing import Any
 
 DISTRIBUTION = "perch-hil"
 ROOT = Path(__file__).resolve().parents[2]
-_CODE = ("kernel", "hil", "vehicle", "groundcar", "policies", "scenarios")  # where an untracked file changes a run
+CODE = ("kernel", "hil", "vehicle", "groundcar", "policies", "scenarios")  # where an untracked file changes a run
 _FILES = ("*.py", "*.json", "*.dbc", "scout_mini.toml", "paper.toml")
 """Of it, what every run reads; what a run names (networks, rigs, scenarios, airframes) has digests of its own."""
 
@@ -59,7 +59,7 @@ def code(root: Path = ROOT, distribution: str = DISTRIBUTION) -> Code:
     if (root / ".git").exists():
         commit = _git(root, "rev-parse", "HEAD").decode().strip()
         patch = _git(root, "diff", "--binary", "--no-ext-diff", "HEAD")
-        names = _git(root, "ls-files", "--others", "--exclude-standard", "-z", "--", *_CODE).decode(
+        names = _git(root, "ls-files", "--others", "--exclude-standard", "-z", "--", *CODE).decode(
             errors="surrogateescape"
         )
         untracked = tuple((name, file_sha256(root / name)) for name in sorted(filter(None, names.split("\0"))))
@@ -128,7 +128,7 @@ def code_digests(root: Path = ROOT) -> dict[str, str]:
 
     Raises ProvenanceError if a file cannot be read.
     """
-    return {name: _folder_digest(root / name) for name in _CODE}
+    return {name: _folder_digest(root / name) for name in CODE}
 
 
 def content_sha256(content: Any) -> str:

@@ -151,21 +151,27 @@ def new_run(
         scratch.chmod(0o755)
         if code.patch:
             (scratch / PATCH).write_bytes(code.patch)
-        for attempt in range(1, 1000):
-            name = base if attempt == 1 else f"{base}-{attempt}"
-            manifest["wall_clock"]["run"] = name
-            write_json(scratch / MANIFEST, manifest)
-            try:
-                (root / name).mkdir()  # claims the name: a rename alone would replace an empty folder
-            except FileExistsError:
-                continue
-            scratch.rename(root / name)
-            return Run(root / name)
-        raise RunError(f"{root} holds a thousand runs called {base}")
+        return claim_folder(scratch, root, base, manifest)
     except OSError as error:
         raise RunError(f"cannot make a run folder in {root}: {error.strerror}") from None
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+def claim_folder(scratch: Path, root: Path, base: str, manifest: dict[str, Any]) -> Run:
+    """Move `scratch` to `root`, called `base` or base-2, base-3, ... and with that name in `manifest`, which is written
+    into it. Raises RunError, OSError."""
+    for attempt in range(1, 1000):
+        name = base if attempt == 1 else f"{base}-{attempt}"
+        manifest["wall_clock"]["run"] = name
+        write_json(scratch / MANIFEST, manifest)
+        try:
+            (root / name).mkdir()  # claims the name: a rename alone would replace an empty folder
+        except FileExistsError:
+            continue
+        scratch.rename(root / name)
+        return Run(root / name)
+    raise RunError(f"{root} holds a thousand runs called {base}")
 
 
 def policy_identity(policy: str) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from hil.recording.runs import write_json
 from hil.results.experiments import Experiment
 from policies.flying.shipped import CHECKPOINTS
 
+FLYING = ("campaign", "policy")  # commands that can fly on a cluster
 DONE = (0, 1)  # a campaign or an evaluation that was carried out
 
 
@@ -47,8 +48,11 @@ def is_measured(experiment: Experiment, results: Path) -> bool:
     return found is not None and (found["commands"], found["files"]) == (list(experiment.commands), files())
 
 
-def measure(experiment: Experiment, results: Path, runs: Path, code: dict[str, Any]) -> None:
-    """Run its commands and write its data into `results`; flights go to a folder of `runs`. `code`: a manifest's table.
+def measure(
+    experiment: Experiment, results: Path, runs: Path, code: dict[str, Any], cluster: str | None = None
+) -> None:
+    """Run its commands and write its data into `results`; flights go to a folder of `runs`. `code`: a manifest's table;
+    `cluster`: address of that on which its commands fly, None for this machine.
 
     What a command does not print on stdout, progress and errors, goes to this process's stderr. Raises MeasureError.
     """
@@ -58,6 +62,8 @@ def measure(experiment: Experiment, results: Path, runs: Path, code: dict[str, A
         words = shlex.split(
             command.format(results=shlex.quote(str(results)), runs=shlex.quote(str(runs / experiment.name)))
         )
+        if cluster is not None and words[0] in FLYING:
+            words += ["--cluster", cluster]
         done = subprocess.run([sys.executable, "-m", "hil", *words], stdout=subprocess.PIPE, text=True, check=False)
         if done.returncode not in DONE:
             raise MeasureError(f"perch-hil {shlex.join(words)}: exit code {done.returncode}")

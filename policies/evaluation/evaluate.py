@@ -7,7 +7,7 @@ more often than slow ones. Evaluation uses other seeds than training and tuning:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -140,39 +140,40 @@ def summarise(name: str, ended: np.ndarray) -> Row:
     )
 
 
-def part(watch: Watch | None, index: int, count: int) -> Watch | None:
-    """The watch of one of `count` equal pieces of work."""
-    return None if watch is None else lambda share: watch((index + share) / count)
+@dataclass(frozen=True)
+class Case:
+    """One line of a table to be flown: `each` episodes of every row of `config`'s environment."""
+
+    name: str
+    config: EnvConfig
+    each: int = 1
 
 
-def fly_cases(
-    policy: Policy,
-    config: EnvConfig,
-    cases: Mapping[str, Mapping[str, Any]],
-    noise: str = "paper",
-    watch: Watch | None = None,
-    each: int = 1,
-) -> list[Row]:
-    """A table: a line for each of `cases`, which are changes of `config`; `each` episodes of every row of it."""
-    rows = []
-    for k, (name, changes) in enumerate(cases.items()):
-        ended = run_episodes(policy, replace(config, **changes), each, noise, part(watch, k, len(cases)))
-        rows.append(summarise(name, ended))
-    return rows
+def fly_case(policy: Policy, case: Case, noise: str = "paper", watch: Watch | None = None) -> Row:
+    """Its line. `noise`: one of NOISES."""
+    return summarise(case.name, run_episodes(policy, case.config, case.each, noise, watch))
 
 
-def evaluate(
-    policy: Policy,
-    config: EnvConfig,
-    episodes: int = 2000,
-    points: tuple[str, ...] = tuple(POINTS),
-    noise: str = "paper",
-    watch: Watch | None = None,
-) -> list[Row]:
-    """The table: `episodes` or a few more at each of `points`, on `config`'s stage, seed and randomisation."""
+def fly_cases(policy: Policy, cases: Sequence[Case], noise: str = "paper", watch: Watch | None = None) -> list[Row]:
+    """A table: a line for each case, flown in this process."""
+    count = len(cases)
+
+    def part(index: int) -> Watch | None:
+        return None if watch is None else lambda share: watch((index + share) / count)
+
+    return [fly_case(policy, case, noise, part(index)) for index, case in enumerate(cases)]
+
+
+def changed(config: EnvConfig, changes: Mapping[str, Mapping[str, Any]], each: int = 1) -> list[Case]:
+    """A case for each of `changes` of `config`, by name."""
+    return [Case(name, replace(config, **change), each) for name, change in changes.items()]
+
+
+def points(config: EnvConfig, episodes: int = 2000, names: tuple[str, ...] = tuple(POINTS)) -> list[Case]:
+    """`episodes` or a few more at each of the points `names`, on `config`'s stage, seed and randomisation."""
     each = 4 if episodes >= 1000 else 1
     config = replace(config, count=math.ceil(episodes / each))
-    return fly_cases(policy, config, {name: POINTS[name] for name in points}, noise, watch, each)
+    return changed(config, {name: POINTS[name] for name in names}, each)
 
 
 def as_data(rows: list[Row]) -> list[dict]:

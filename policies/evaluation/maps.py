@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 from policies.environment.config import EnvConfig
-from policies.evaluation.evaluate import POINTS, Policy, Row, Watch, fly_cases, part, point, run_episodes, summarise
+from policies.evaluation.evaluate import POINTS, Case, Row, changed, point
 from policies.evaluation.plot import heat_map
 
 MOTIONS = {"spline": 0, "line": 1, "racetrack": 2, "figure8": 3}
 _INCLINATIONS = (0.0, 30.0, 60.0)
 _PAPER_S = ("T1", "T2", "T3")
+_MAP_SPEEDS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)
+_MAP_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
 
 VEHICLES: dict[str, dict] = {
     "no drag": {"drag": (0.0, 0.0)},
@@ -30,31 +33,22 @@ CAMERAS: dict[str, dict] = {
 }
 
 
-def motions(
-    policy: Policy,
-    config: EnvConfig,
-    episodes: int = 500,
-    speeds: tuple[float, ...] = (1.0, 2.0),
-    noise: str = "paper",
-    watch: Watch | None = None,
-) -> list[Row]:
+def motions(config: EnvConfig, episodes: int = 500, speeds: tuple[float, ...] = (1.0, 2.0)) -> list[Case]:
     """The paper's four trajectory families at `speeds` m/s and 0, 30, 60 deg of inclination, constant speed on the
     structured ones (that of a line oscillates by itself) and Ornstein-Uhlenbeck on splines."""
-    cases = {}
+    changes = {}
     for family, speed, tilt in product(MOTIONS, speeds, _INCLINATIONS):
         odds = tuple(float(j == MOTIONS[family]) for j in range(6))
         law = (0, 1.0, 0, 0) if family == "spline" else (1.0, 0, 0, 0)
-        cases[f"{family} {speed:g} m/s {tilt:g} deg"] = {**point(speed, tilt), "families": odds, "laws": law}
-    return fly_cases(policy, replace(config, count=episodes), cases, noise, watch)
+        changes[f"{family} {speed:g} m/s {tilt:g} deg"] = {**point(speed, tilt), "families": odds, "laws": law}
+    return changed(replace(config, count=episodes), changes)
 
 
-def robustness(
-    policy: Policy, config: EnvConfig, episodes: int = 500, noise: str = "paper", watch: Watch | None = None
-) -> list[Row]:
+def robustness(config: EnvConfig, episodes: int = 500) -> list[Case]:
     """The paper's operating points with one change at a time: VEHICLES, and in the vision stage CAMERAS too."""
     others = {**VEHICLES, **CAMERAS} if config.stage == "vision" else VEHICLES
-    cases = {f"{at}, {name}": {**POINTS[at], **change} for (name, change), at in product(others.items(), _PAPER_S)}
-    return fly_cases(policy, replace(config, count=episodes), cases, noise, watch)
+    changes = {f"{at}, {name}": {**POINTS[at], **change} for (name, change), at in product(others.items(), _PAPER_S)}
+    return changed(replace(config, count=episodes), changes)
 
 
 @dataclass(frozen=True)
@@ -79,19 +73,14 @@ class HeatMap:
         return "\n".join(lines) + "\n"
 
 
-def heatmap(
-    policy: Policy, config: EnvConfig, episodes: int = 100, noise: str = "paper", watch: Watch | None = None
-) -> HeatMap:
-    """The paper's speed x inclination map: random splines, 0 to 3.5 m/s, 0 to 80 deg."""
-    speeds = [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5]
-    inclinations = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0]
-    cells = len(speeds) * len(inclinations)
-    success: list[list[float]] = []
-    for j, inclination in enumerate(inclinations):
-        line = []
-        for i, speed in enumerate(speeds):
-            settings = replace(config, count=episodes, **point(speed, inclination))
-            ended = run_episodes(policy, settings, noise=noise, watch=part(watch, j * len(speeds) + i, cells))
-            line.append(summarise("", ended).success)
-        success.append(line)
-    return HeatMap(speeds, inclinations, success, episodes)
+def map_cells(config: EnvConfig, episodes: int = 100) -> list[Case]:
+    """The cells of the paper's speed x inclination map, row by row: random splines, 0 to 3.5 m/s, 0 to 80 deg."""
+    cells = {f"{speed:g} m/s {tilt:g} deg": point(speed, tilt) for tilt, speed in product(_MAP_DEG, _MAP_SPEEDS)}
+    return changed(replace(config, count=episodes), cells)
+
+
+def heatmap(rows: Sequence[Row]) -> HeatMap:
+    """The map from the lines of `map_cells`, in their order."""
+    width = len(_MAP_SPEEDS)
+    success = [[row.success for row in rows[at : at + width]] for at in range(0, len(rows), width)]
+    return HeatMap(list(_MAP_SPEEDS), list(_MAP_DEG), success, rows[0].episodes)

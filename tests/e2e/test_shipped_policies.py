@@ -12,7 +12,7 @@ from scipy.stats import binom
 from hil.results.experiments import EXPERIMENTS
 from hil.results.measure import kept
 from policies.evaluation.contenders import open_contender
-from policies.evaluation.evaluate import POINTS, evaluation_seed, fly_cases
+from policies.evaluation.evaluate import POINTS, changed, evaluation_seed, fly_cases
 from tests.paths import ROOT
 
 EPISODES, SEED = 1000, 77
@@ -50,5 +50,5 @@ def test_network_perches_as_often_as_published(experiment, policy, noise, point)
     (published,) = [row for row in results(experiment)["points"] if row["name"] == point]
     contender = open_contender(policy)
     config = replace(contender.config(None, evaluation_seed(SEED)), count=EPISODES)
-    (row,) = fly_cases(contender.policy, config, {point: POINTS[point]}, noise)
+    (row,) = fly_cases(contender.policy, changed(config, {point: POINTS[point]}), noise)
     assert row.hits >= least_hits(published["success"] / 100.0, EPISODES, FALL), row

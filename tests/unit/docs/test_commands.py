@@ -1,6 +1,7 @@
 """Every command of the pages: run in a folder of its own, or, with a reason, only parsed and looked at."""
 
 import glob
+import importlib.util
 import itertools
 import re
 import shutil
@@ -41,10 +42,12 @@ OTHER = {
     r"\(umask 077|openssl": "writes a key",
     r"pip install": "its extras are looked up in pyproject.toml",
     r"python3\.11 -m venv|\. \.venv": "makes and enters an environment",
+    r"ray (start|stop)": "starts a cluster: tests/e2e/test_cluster.py",
     r"make ": "its target is looked up in the Makefile",
     r"cp ": "run by the test",
     r"cat > ": "run by the test",
 }
+RAY = importlib.util.find_spec("ray") is not None  # its commands are parsed where it is installed
 EXIT_CODES = {"check": (0, 4)}  # incomplete where no operator is there to answer
 EVERY = [line for page in PAGES for line in typed(page)]
 
@@ -91,6 +94,10 @@ def check(line: Typed, run: bool) -> None:
         shutil.copy(words[1], words[2])
     elif words[0] == "make":
         subprocess.run(["make", "-n", *words[1:]], cwd=ROOT, check=True, capture_output=True)
+    elif words[0] == "ray" and RAY:
+        from ray.scripts.scripts import cli
+
+        cli.commands[words[1]].make_context(words[1], words[2:])
     elif words[:2] == ["pip", "install"]:
         extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
         named = re.findall(r"\.\[(.*?)\]", line.text)
@@ -131,6 +138,7 @@ def test_every_exemption_of_a_command_is_still_needed():
         "perch-hil bus status --endpoint 192.168.1.10",
         "perch-hil check prefligt",
         "make trian",
+        pytest.param("ray start --haed", marks=pytest.mark.skipif(not RAY, reason="ray is not installed")),
         "pip install -e '.[veiw]'",
         "rsync a b",
     ],

@@ -1,19 +1,16 @@
-"""Jobs of a campaign: invalid ones are refused at the start, finished ones skipped, a killed process ends it."""
+"""Jobs of a campaign: invalid ones are refused at the start, finished ones skipped."""
 
-import os
-import signal
 from dataclasses import replace
 from datetime import UTC, datetime
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.campaign import grid as campaign_grid
-from hil.campaign.grid import CampaignError, Grid, Job, Result, check, fly_all, left_to_do
+from hil.campaign.grid import Grid, check, left_to_do
 from hil.recording.provenance import Code
-from hil.recording.runs import SCORE, RunError, new_run, policy_identity, write_json
+from hil.recording.runs import SCORE, new_run, policy_identity, write_json
 from scenarios.draw import MAX_SEED
 from scenarios.faults import FaultTable
 
@@ -28,7 +25,7 @@ def grid(tmp_path):
 
 def flown(grid, job, outcome="success", state="finished", flight=None, **changes):
     """A run of `job` as a campaign leaves it."""
-    plan = campaign_grid._plan_of(grid, job)
+    plan = campaign_grid.plan_of(grid, job)
     scenario = {**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name}
     run = new_run(
         grid.out, scenario={**scenario, **changes}, rig={**plan.rig.model_dump(mode="json"), "name": "sim"},
@@ -116,73 +113,3 @@ def test_job_key_is_independent_of_dict_order(value):
         return [turned(part) for part in value] if isinstance(value, list) else value
 
     assert campaign_grid._key(value, {}, {}, 0) == campaign_grid._key(turned(value), {}, {}, 0)
-
-
-def fine(grid, job, code):
-    return Result(job, "perched" if job.seed == 1 else "missed")
-
-
-def killed_process(grid, job, code):
-    os._exit(9)
-
-
-def stopped(grid, job, code):
-    return None
-
-
-def test_every_job_returns_one_result(grid, monkeypatch):
-    monkeypatch.setattr(campaign_grid, "_fly", fine)
-    jobs = [Job("simple-i", "planner", seed) for seed in range(5)]
-    results = list(fly_all(grid, jobs, 2, CODE))
-    assert {r.job for r in results} == set(jobs)
-    assert [r.job.seed for r in results if r.verdict == "perched"] == [1]
-
-
-def test_a_process_that_dies_ends_the_campaign_with_one_line(grid, monkeypatch):
-    monkeypatch.setattr(campaign_grid, "_fly", killed_process)
-    with pytest.raises(CampaignError, match="the same command goes on"):
-        list(fly_all(grid, [Job("simple-i", "planner", 0)], 1, CODE))
-
-
-def test_an_interrupted_flight_ends_the_campaign(grid, monkeypatch):
-    monkeypatch.setattr(campaign_grid, "_fly", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        list(fly_all(grid, [Job("simple-i", "planner", seed) for seed in range(3)], 1, CODE))
-
-
-@pytest.mark.parametrize(
-    ("raised", "expected"),
-    [
-        (RunError("the disk is full"), Result(Job("simple-i", "planner", 0), failure="the disk is full")),
-        (KeyboardInterrupt(), None),
-    ],
-)
-def test_exception_of_a_flight_is_reported_and_later_interrupts_are_ignored(grid, monkeypatch, raised, expected):
-    before = signal.getsignal(signal.SIGINT)
-    seen = []
-
-    def fly(*_, **__):
-        seen.append(signal.getsignal(signal.SIGINT))
-        raise raised
-
-    monkeypatch.setattr(campaign_grid, "fly", fly)
-    try:
-        assert campaign_grid._fly(grid, Job("simple-i", "planner", 0), CODE) == expected
-        assert seen == [signal.default_int_handler] and signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def test_flight_without_an_attempt_counts_as_failure_and_not_as_miss(grid, monkeypatch):
-    score = SimpleNamespace(verdict="missed", reasons=())
-    flight = SimpleNamespace(
-        interrupted=False, run=SimpleNamespace(recording=grid.out / "none"), score=score, failure="no GPS",
-        flight_class=None,
-    )  # fmt: skip
-    before = signal.getsignal(signal.SIGINT)
-    monkeypatch.setattr(campaign_grid, "fly", lambda *_, **__: flight)
-    try:
-        result = campaign_grid._fly(grid, Job("simple-i", "planner", 0), CODE)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert result is not None and result.failure == "no GPS"

@@ -9,7 +9,7 @@ import pytest
 from policies.environment import ended_row
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
-from policies.evaluation.evaluate import POINTS, as_data, evaluate, evaluation_seed, run_episodes, summarise
+from policies.evaluation.evaluate import POINTS, as_data, evaluation_seed, fly_cases, points, run_episodes, summarise
 from policies.task import result_row
 from policies.task.contact import SUCCESS
 from vehicle.camera.noise import measured_noise
@@ -55,7 +55,7 @@ def test_evaluation_applies_noise_and_reports_progress():
         return np.zeros((env.config.count, 4))
 
     config = EnvConfig(stage="vision", limit=5)
-    rows = evaluate(wait, config, 10, ("T1", "T2"), "measured", progress.append)
+    rows = fly_cases(wait, points(config, 10, ("T1", "T2")), "measured", progress.append)
     assert [row.name for row in rows] == ["T1", "T2"] and rows[0].episodes == 10
     assert (seen[0] == measured_noise()).all()
     assert progress == sorted(progress) and progress[-1] == 1.0

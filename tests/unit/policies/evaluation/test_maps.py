@@ -7,8 +7,8 @@ import pytest
 
 from policies.environment import episode_row
 from policies.environment.config import FAMILIES, EnvConfig
-from policies.evaluation.evaluate import POINTS
-from policies.evaluation.maps import CAMERAS, MOTIONS, VEHICLES, HeatMap, heatmap, motions, robustness
+from policies.evaluation.evaluate import POINTS, fly_cases
+from policies.evaluation.maps import CAMERAS, MOTIONS, VEHICLES, HeatMap, heatmap, map_cells, motions, robustness
 
 
 def fall(env):
@@ -25,7 +25,7 @@ def test_drawing_of_a_heat_map_has_both_contours():
 
 def test_heat_map_covers_the_axes_of_the_paper():
     progress = []
-    found = heatmap(fall, EnvConfig(odometry_noise=0.0), 2, watch=progress.append)
+    found = heatmap(fly_cases(fall, map_cells(EnvConfig(odometry_noise=0.0), 2), watch=progress.append))
     assert found.speeds[0] == 0.0 and found.speeds[-1] >= 3.0
     assert (found.inclinations_deg[0], found.inclinations_deg[-1]) == (0.0, 80.0)
     lines = found.csv().splitlines()
@@ -41,7 +41,7 @@ def test_motions_fly_the_four_trajectory_families():
         drawn.update(FAMILIES[int(k)] for k in env.rows.state[:, episode_row.FAMILY])
         return fall(env)
 
-    rows = motions(noting, EnvConfig(odometry_noise=0.0), 4)
+    rows = fly_cases(noting, motions(EnvConfig(odometry_noise=0.0), 4))
     assert drawn == set(MOTIONS)
     assert len(rows) == 4 * 2 * 3 and rows[0].name == "spline 1 m/s 0 deg"
 
@@ -56,7 +56,7 @@ def test_robustness_cases_change_one_parameter_at_the_published_points(stage, ot
         return fall(env)
 
     usual = EnvConfig(stage=stage, odometry_noise=0.0)
-    rows = robustness(noting, usual, 4)
+    rows = fly_cases(noting, robustness(usual, 4))
     assert [row.name for row in rows][:3] == ["T1, no drag", "T2, no drag", "T3, no drag"]
     assert len(rows) == len(seen) == 3 * len(others)
     for config, (name, change) in zip(seen[::3], others.items(), strict=True):

@@ -1,0 +1,64 @@
+"""The process pool: one answer to every task, a killed process and an interrupted task end it."""
+
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from hil.campaign.workers import pool
+from hil.campaign.workers.pool import Pool
+from hil.campaign.workers.work import Place, WorkersError
+
+
+@dataclass(frozen=True)
+class Doing:
+    """`Work` that does what `how` says."""
+
+    how: str
+    out: Path
+    files = {}  # noqa: RUF012
+
+    def __call__(self, task, place):
+        if self.how == "dies":
+            os._exit(9)
+        if self.how == "is interrupted":
+            raise KeyboardInterrupt
+        return task * task, place.out
+
+
+def test_every_task_has_one_answer_from_the_works_own_folder(tmp_path):
+    answers = list(Pool(2).each(Doing("squares", tmp_path), range(5)))
+    assert sorted(answers) == [(n * n, tmp_path) for n in range(5)]
+
+
+def test_a_process_that_dies_ends_it_with_one_line(tmp_path):
+    with pytest.raises(WorkersError, match="the same command goes on"):
+        list(Pool(1).each(Doing("dies", tmp_path), [0]))
+
+
+def test_an_interrupted_task_ends_it(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        list(Pool(1).each(Doing("is interrupted", tmp_path), range(3)))
+
+
+@pytest.mark.parametrize(("raised", "expected"), [(None, (7,)), (KeyboardInterrupt(), None)])
+def test_a_process_of_the_pool_is_interrupted_during_a_task_only(tmp_path, monkeypatch, raised, expected):
+    before = signal.getsignal(signal.SIGINT)
+    seen = []
+
+    def work(task, place):
+        seen.append(signal.getsignal(signal.SIGINT))
+        assert place == Place(tmp_path)
+        if raised:
+            raise raised
+        return task
+
+    work.out = tmp_path
+    monkeypatch.setattr(pool, "_work", work)
+    try:
+        assert pool._do(7) == expected
+        assert seen == [signal.default_int_handler] and signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
