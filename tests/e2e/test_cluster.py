@@ -6,11 +6,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 from collections import Counter
 
 import pytest
+from typer.testing import CliRunner
 
+from hil.cli.main import app
 from hil.recording.runs import list_runs
 
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
@@ -19,19 +20,17 @@ cluster_utils = pytest.importorskip("ray.cluster_utils")
 OTHER = "import hil.campaign.workers.versions as v; v.packages = lambda: {'numba': '0.1'}; "
 MAIN = "from hil.cli.main import main; main()"
 FLIGHTS = ["campaign", "simple-i", "--policy", "planner", "--policy", "planner-analytic", "--camera", "model"]
-SMALL = {"num_cpus": 1, "object_store_memory": 100 << 20}
+SMALL = {"wait": False, "num_cpus": 1, "object_store_memory": 100 << 20}
 
 
 @pytest.fixture
 def machines():
     """A cluster of two Ray nodes with a core each, without a dashboard."""
-    folder = tempfile.mkdtemp(prefix="ray-", dir="/tmp")  # sockets lie in it: a path of at most 107 characters
-    cluster = cluster_utils.Cluster(
-        initialize_head=True, head_node_args={**SMALL, "temp_dir": folder, "include_dashboard": False}
-    )
+    cluster = cluster_utils.Cluster(initialize_head=True, head_node_args={**SMALL, "include_dashboard": False})
+    folder = cluster.head_node.get_session_dir_path()
     try:
-        cluster.add_node(**SMALL, temp_dir=folder)
-        cluster.wait_for_nodes(timeout=120)
+        cluster.add_node(**SMALL)
+        cluster.wait_for_nodes(timeout=300)
         yield cluster
     finally:
         cluster.shutdown()
@@ -71,7 +70,7 @@ def finished(out):
 def test_no_flight_is_lost_and_none_counted_twice_when_stopped_and_when_a_machine_is_killed(machines, tmp_path):
     out = tmp_path / "campaign"
     there = ["--cluster", machines.address]
-    command = [*FLIGHTS, "--seeds", "0..4", "--out", str(out), *there]
+    command = [*FLIGHTS, "--seeds", "0..2", "--out", str(out), *there]
 
     refused = run(command, OTHER + MAIN)
     assert refused.returncode == 2 and refused.stderr.count("\n") == 1, refused.stderr
@@ -84,18 +83,17 @@ def test_no_flight_is_lost_and_none_counted_twice_when_stopped_and_when_a_machin
     assert process.returncode == 130 and "Traceback" not in said, said
     assert said.splitlines()[-1] == "perch-hil: interrupted; the same command goes on from here"
     kept = finished(out)
-    assert 1 <= len(kept) < 10 and set(kept.values()) == {1}
+    assert 1 <= len(kept) < 6 and set(kept.values()) == {1}
 
     process = start(command)
     wait_for_flights(process, 1)
     machines.remove_node(next(iter(machines.worker_nodes)), allow_graceful=False)
     _, said = process.communicate()
     assert process.returncode == 0, said
-    assert len(finished(out)) == 10 and set(finished(out).values()) == {1}
+    assert len(finished(out)) == 6 and set(finished(out).values()) == {1}
 
-    here = run(command[: -len(there)])
-    assert here.returncode == 0 and "10 of 10 flights are in" in here.stderr, here.stderr
+    here = CliRunner().invoke(app, command[: -len(there)])
+    assert here.exit_code == 0 and " seed " not in here.output, here.output  # nothing is left to fly
 
     evaluate = ["policy", "evaluate", "state", "--episodes", "10", "--json"]
-    ours, theirs = (json.loads(run([*evaluate, *more]).stdout) for more in ([], there))
-    assert ours == theirs
+    assert json.loads(run([*evaluate, *there]).stdout) == json.loads(CliRunner().invoke(app, evaluate).stdout)

@@ -12,6 +12,7 @@ import re
 import signal
 import socket
 import tempfile
+import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,7 +27,7 @@ from hil.campaign.workers.work import Answer, ClusterError, Task, Work, WorkersE
 AGAIN = 3  # times that a task is done again after its worker was lost
 _WAIT_S, _REACH_S = 1.0, 5.0
 _ADDRESS = re.compile(r"(ray://)?(\[[0-9a-fA-F:]+\]|[\w.-]+):(\d{1,5})")
-_ENVIRONMENT = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}  # it reports to nobody
+_ENVIRONMENT = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}  # Ray reports to no server
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
@@ -64,9 +65,11 @@ def connected(address: str, at_once: int | None) -> Iterator[Cluster]:
         copy_code(code)
         env = {"working_dir": folder, "env_vars": dict.fromkeys(_THREADS, "1")}
         try:
-            ray.init(address, runtime_env=env, log_to_driver=False, logging_level=logging.ERROR)
+            with warnings.catch_warnings(action="ignore"):
+                ray.init(address, runtime_env=env, log_to_driver=False, logging_level=logging.ERROR)
         except (ConnectionError, RuntimeError, ValueError, ImportError, ray.exceptions.RayError) as error:
-            raise ClusterError(f"--cluster {address}: {_line(error)}") from None
+            hint = "ray:// has the port 10001 unless ray start was given another, HOST:PORT is as ray start prints it"
+            raise ClusterError(f"--cluster {address}: {_line(error)} ({hint})") from None
         try:
             cluster = Cluster(address, at_once, versions(code))
             cluster.check()
