@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from hil.assembly.plan import Plan, rig_policy
 from hil.assembly.recorded_motion import recorded_file
@@ -90,9 +91,10 @@ class Flying:
         """Fly it; its run is then in the place's folder. Raises KeyboardInterrupt if it was interrupted, with its
         recording closed."""
         plan = self.plans[job.case].at(place)
+        rig: Any = plan.rig  # frozen, so that it can be a key
         try:
             flight = fly(
-                plan.scenario, plan.rig, _policy(plan.policy, plan.rig)(), job.seed,
+                plan.scenario, plan.rig, _policy(plan.policy, rig)(), job.seed,
                 policy_name=plan.policy, rig_name=self.rig_name, pictures=self.pictures, out=place.out,
                 code=self.code, progress=lambda *_: None, clearance={"kind": "simulated"},
             )  # fmt: skip

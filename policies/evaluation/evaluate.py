@@ -156,12 +156,12 @@ def fly_case(policy: Policy, case: Case, noise: str = "paper", watch: Watch | No
 
 def fly_cases(policy: Policy, cases: Sequence[Case], noise: str = "paper", watch: Watch | None = None) -> list[Row]:
     """A table: a line for each case, flown in this process."""
-    count = len(cases)
+    return [fly_case(policy, case, noise, _part(watch, k, len(cases))) for k, case in enumerate(cases)]
 
-    def part(index: int) -> Watch | None:
-        return None if watch is None else lambda share: watch((index + share) / count)
 
-    return [fly_case(policy, case, noise, part(index)) for index, case in enumerate(cases)]
+def _part(watch: Watch | None, index: int, count: int) -> Watch | None:
+    """The watch of one of `count` equal pieces of work."""
+    return None if watch is None else lambda share: watch((index + share) / count)
 
 
 def changed(config: EnvConfig, changes: Mapping[str, Mapping[str, Any]], each: int = 1) -> list[Case]:

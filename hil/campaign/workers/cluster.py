@@ -46,6 +46,19 @@ def check_address(address: str) -> None:
         ) from None
 
 
+def _found() -> str:
+    """The address that `auto` stands for: Ray's own variable, or the cluster that was started here last.
+
+    Ray itself waits for minutes where that one has crashed. Raises ClusterError if there is none.
+    """
+    from ray._private.services import find_bootstrap_address
+
+    address = os.environ.get("RAY_ADDRESS") or find_bootstrap_address(None)
+    if not address or address == "auto":
+        raise ClusterError("--cluster auto: no cluster was started on this machine: start it with ray start")
+    return address
+
+
 @contextmanager
 def connected(address: str, at_once: int | None) -> Iterator[Cluster]:
     """The cluster at `address`, while the connection lasts; `at_once`: tasks on it, None for two a core.
@@ -56,10 +69,14 @@ def connected(address: str, at_once: int | None) -> Iterator[Cluster]:
     os.environ.update({name: os.environ.get(name, value) for name, value in _ENVIRONMENT.items()})
     try:
         import ray
+        from ray.exceptions import RayError
     except ModuleNotFoundError:
         raise ClusterError(
             "--cluster needs ray: pip install -c constraints.txt -e '.[cluster]' in the project's folder"
         ) from None
+    if address == "auto":
+        address = _found()
+        check_address(address)
     with tempfile.TemporaryDirectory(prefix="perch-hil-code-") as folder:
         code = Path(folder)
         copy_code(code)
@@ -67,7 +84,7 @@ def connected(address: str, at_once: int | None) -> Iterator[Cluster]:
         try:
             with warnings.catch_warnings(action="ignore"):
                 ray.init(address, runtime_env=env, log_to_driver=False, logging_level=logging.ERROR)
-        except (ConnectionError, RuntimeError, ValueError, ImportError, ray.exceptions.RayError) as error:
+        except (ConnectionError, RuntimeError, ValueError, ImportError, RayError) as error:
             hint = "ray:// has the port 10001 unless ray start was given another, HOST:PORT is as ray start prints it"
             raise ClusterError(f"--cluster {address}: {_line(error)} ({hint})") from None
         try:
@@ -83,14 +100,15 @@ class Cluster:
 
     def __init__(self, address: str, at_once: int | None, ours: dict[str, str]) -> None:
         import ray
+        from ray import exceptions
 
-        self._ray = ray
+        self._ray: Any = ray
         self._address, self._at_once, self._ours = address, at_once, ours
         self._lost = (
-            ray.exceptions.WorkerCrashedError, ray.exceptions.NodeDiedError, ray.exceptions.ObjectLostError,
-            ray.exceptions.OutOfMemoryError,
+            exceptions.WorkerCrashedError, exceptions.NodeDiedError, exceptions.ObjectLostError,
+            exceptions.OutOfMemoryError,
         )  # fmt: skip
-        self._broken = (ray.exceptions.RaySystemError, ray.exceptions.RuntimeEnvSetupError)
+        self._broken = (exceptions.RaySystemError, exceptions.RuntimeEnvSetupError, ConnectionError)
 
     def check(self) -> None:
         """Raises ClusterError if a machine of the cluster has other versions, or there is no core."""
@@ -124,7 +142,7 @@ class Cluster:
         before = signal.signal(signal.SIGINT, interrupt)
         try:
             yield from self._each(work, tasks, asked)
-        except (*self._broken, ConnectionError) as error:
+        except self._broken as error:
             raise WorkersError(
                 f"the cluster {self._address} failed: {_line(error)}; the same command goes on from here"
             ) from None
@@ -172,5 +190,5 @@ class Cluster:
 
 def _line(error: BaseException) -> str:
     """What it says, as one line of bounded length."""
-    text: Any = error.cause if getattr(error, "cause", None) else error
-    return " ".join(str(text).split())[:400] or type(error).__name__
+    cause = getattr(error, "cause", None)  # of an exception in a task
+    return " ".join(str(cause or error).split())[:400] or type(error).__name__

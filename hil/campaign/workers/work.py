@@ -45,7 +45,7 @@ class Work(Protocol[_Task, _Answer]):
     @property
     def files(self) -> Mapping[str, Path]: ...
 
-    def __call__(self, task: _Task, place: Place) -> _Answer:
+    def __call__(self, task: _Task, place: Place, /) -> _Answer:
         """Raises KeyboardInterrupt if it was interrupted."""
         ...
 

@@ -59,3 +59,22 @@ def test_firmware_of_this_machine_is_not_flown_on_a_cluster(tmp_path):
     words = ["campaign", "simple-i", "--rig", "px4-firmware", "--camera", "model", "--cluster", "auto"]
     result = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out")])
     assert result.exit_code == 2 and "flies a firmware of this machine" in result.output
+
+
+def test_auto_is_the_cluster_of_rays_own_variable_and_is_refused_when_it_has_crashed(nobody, monkeypatch):
+    pytest.importorskip("ray")
+    monkeypatch.setenv("RAY_ADDRESS", nobody)
+    result = CliRunner().invoke(app, ["policy", "evaluate", "state", "--episodes", "10", "--cluster", "auto"])
+    assert result.exit_code == 2
+    (line,) = result.output.strip().splitlines()
+    assert f"--cluster {nobody}: no cluster answers there" in line
+
+
+def test_auto_without_a_cluster_is_one_line(monkeypatch):
+    services = pytest.importorskip("ray._private.services")
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    monkeypatch.setattr(services, "find_bootstrap_address", lambda _: None)
+    result = CliRunner().invoke(app, ["policy", "evaluate", "state", "--episodes", "10", "--cluster", "auto"])
+    assert result.exit_code == 2
+    (line,) = result.output.strip().splitlines()
+    assert "no cluster was started on this machine" in line
