@@ -24,7 +24,8 @@ def remove_orphaned_memory(names: Iterable[str]) -> list[str]:
     """Those of `names` that are still there although no other process holds them: removed, and returned.
 
     This process, which followed the run, may still hold what it received from one that was killed: the bus's library
-    lets go of it late, and then leaves the file. Anything that is not a name of the bus's shared memory, such as a path, is ignored: `names` may come from the bus.
+    lets go of it late, and then leaves the file. Anything that is not a name of the bus's shared memory, such as a
+    path, is ignored: `names` may come from the bus.
     """
     left = {name for name in names if _NAME.fullmatch(name) and (_FOLDER / name).exists()}
     if not left:

@@ -27,7 +27,7 @@ hil.contract hil.scoring hil.recording hil.safety hil.bus hil.wires hil.nodes hi
 hil.live.messages hil.live
 hil.bench hil.check
 hil.report.recorded hil.report.drawing hil.report.sections hil.campaign.workers hil.campaign hil.report
-hil.viewer hil.ros2 hil.results hil.cli hil
+hil.viewer hil.viewer.foxglove hil.ros2 hil.results hil.cli hil
 """
 FLIES = ("hil.nodes", "hil.assembly", "hil.host", "hil.live", "policies.flying", "vehicle.px4.driver")
 TRAINS = ("policies.training", "policies.training.learners", "policies.environment", "policies.network")
