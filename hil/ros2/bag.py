@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import shutil
+import struct
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
+import cv2
 from google.protobuf.message import DecodeError
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -20,15 +23,25 @@ from hil.recording.reader import Recording
 from hil.recording.recorder import PICTURES, PREFIX
 from hil.recording.runs import Run, RunError
 from hil.ros2.convert import Converter
-from hil.ros2.types import Ros, typestore
+from hil.ros2.types import typestore
 from hil.ros2.views import TF_STATIC, ViewConverter
 
 _VERSION = 8  # of the bag's metadata: Humble reads no later one
+_LATEST_NS = 2**63 - 1
+_UNFIT = (CodecError, DecodeError, ValueError, OverflowError, struct.error, cv2.error)
 _FOREVER = QosTime(2147483647, 4294967295)
 _LATCHED = Qos(
     QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, _FOREVER, _FOREVER,
     QosLiveliness.AUTOMATIC, _FOREVER, False,
 )  # fmt: skip
+
+
+class _Encoded(NamedTuple):
+    """A ROS message in its binary form (CDR)."""
+
+    topic: str
+    kind: str
+    data: memoryview
 
 
 def export(run: Path, out: Path) -> Counter[str]:
@@ -50,15 +63,14 @@ def export(run: Path, out: Path) -> Counter[str]:
         bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with bag:
             connections = {}
-            for log_ns, message in _messages(recording, zero_ns):
-                if message.topic not in connections:
-                    connections[message.topic] = bag.add_connection(
-                        message.topic, message.kind, typestore=typestore(),
-                        offered_qos_profiles=[_LATCHED] if message.topic == TF_STATIC else (),
+            for log_ns, one in _messages(recording, zero_ns):
+                if one.topic not in connections:
+                    connections[one.topic] = bag.add_connection(
+                        one.topic, one.kind, typestore=typestore(),
+                        offered_qos_profiles=[_LATCHED] if one.topic == TF_STATIC else (),
                     )  # fmt: skip
-                data = typestore().serialize_cdr(message.content, message.kind)
-                bag.write(connections[message.topic], max(0, zero_ns + log_ns), data)
-                counts[message.topic] += 1
+                bag.write(connections[one.topic], min(max(0, zero_ns + log_ns), _LATEST_NS), one.data)
+                counts[one.topic] += 1
         (scratch / out.name).rename(out)
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
@@ -74,9 +86,9 @@ def zero_of(folder: Path) -> int:
         return 0
 
 
-def _messages(recording: Recording, zero_ns: int) -> Iterator[tuple[int, Ros]]:
+def _messages(recording: Recording, zero_ns: int) -> Iterator[tuple[int, _Encoded]]:
     """(publication on the run's clock, message), in the order of publication."""
-    width = next((image.width for image in _raw_pictures(recording)), 0)
+    width, store = next((image.width for image in _raw_pictures(recording)), 0), typestore()
     convert, view = Converter(zero_ns, width > 0), ViewConverter(zero_ns, width)
     kinds = {PREFIX + topic: codec(TOPICS[topic].message) for topic in convert.topics}
     for raw in recording.raw([topic for topic in (*kinds, *view.topics) if topic in recording.topics]):
@@ -88,10 +100,11 @@ def _messages(recording: Recording, zero_ns: int) -> Iterator[tuple[int, Ros]]:
                 found = convert(raw.topic.removeprefix(PREFIX), message)
             else:
                 found = view(raw.topic, raw.data)
-        except (CodecError, DecodeError, ValueError, OverflowError) as error:
+            encoded = [_Encoded(one.topic, one.kind, store.serialize_cdr(one.content, one.kind)) for one in found]
+        except _UNFIT as error:  # a number that its ROS field cannot hold, a picture of -1 lines
             recording.note(f"{raw.topic} at {raw.log_ns / 1e9:.3f} s: {error}")
             continue
-        for one in found:
+        for one in encoded:
             yield raw.log_ns, one
 
 

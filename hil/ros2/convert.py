@@ -86,8 +86,9 @@ class Converter:
         head = self._header(belief, WORLD)
         orientation = belief_orientation(belief.heading, belief.inclination)
         c, s = np.cos(belief.heading), np.sin(belief.heading)
-        covariance = np.diag(np.array([*belief.variance[:3], 0.0, 0.0, belief.variance[_HEADING]]))
+        covariance = np.zeros((6, 6))  # unknown, if the belief does not tell it
         if len(belief.variance) > _INCLINATION:
+            covariance = np.diag(np.array([*belief.variance[:3], 0.0, 0.0, belief.variance[_HEADING]]))
             axis = np.array([-s, c])  # the horizontal axis that the inclination turns about
             covariance[3:5, 3:5] = belief.variance[_INCLINATION] * np.outer(axis, axis)
         moving, turning = (belief.speed * c, belief.speed * s, 0.0), (0.0, 0.0, belief.turn_rate)

@@ -23,6 +23,7 @@ _APRILTAG = {
     ),
 }
 _SECOND_NS = 1_000_000_000
+_LATEST_NS = 2**31 * _SECOND_NS - 1
 
 
 class Ros(NamedTuple):
@@ -58,8 +59,8 @@ def header(stamp_ns: int, frame: str) -> Any:
 
 
 def time(stamp_ns: int) -> Any:
-    """builtin_interfaces/Time; a stamp before 1970 is its zero."""
-    seconds, rest = divmod(max(0, stamp_ns), _SECOND_NS)
+    """builtin_interfaces/Time; a stamp that it cannot hold is its least or greatest, 1970 or 2038."""
+    seconds, rest = divmod(min(max(0, stamp_ns), _LATEST_NS), _SECOND_NS)
     return make("builtin_interfaces/Time", sec=seconds, nanosec=rest)
 
 

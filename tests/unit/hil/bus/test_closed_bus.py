@@ -17,7 +17,7 @@ from tests.unit.hil.bus.test_leaf import free_endpoint
 ACTION = m.Action(1, True, (0.0, 0.0, 0.0), 9.81, "follow", 0, 9.81)
 SENT = m.Sent(1, (0.0, 0.0, 0.0), 9.81, 0.3, False, "")
 BOARD = m.BoardState(1, (0.0, 0.0, 1.5), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
-LIMIT_S = 10.0
+LIMIT_S = 30.0
 
 
 @pytest.fixture(scope="module")
