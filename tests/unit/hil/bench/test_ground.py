@@ -3,6 +3,7 @@
 import json
 import socket
 import time
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -30,16 +31,17 @@ def wait(condition):
 
 
 def link(px4):
-    """PX4's address, for one more client: PX4 keeps its first partner, and each command is a client of its own."""
-    px4.offboard._settled = False
     return f"udp://127.0.0.1:{px4.port}"
 
 
 @pytest.fixture
 def px4(px4_sim, monkeypatch):  # noqa: F811
     monkeypatch.setattr(ground, "_FIND_S", LIMIT_S)
+    monkeypatch.setattr(ground, "_BEAT_S", 0.0)  # there is one autopilot only
     monkeypatch.setattr(ground, "_EVENTS_S", 0.0)  # the software PX4 has no texts of its events
-    return px4_sim()
+    started = px4_sim()
+    started.offboard._partner_rule = "last"  # each command is a client of its own, and PX4 would keep the first
+    return started
 
 
 @pytest.fixture
@@ -147,6 +149,37 @@ def test_no_autopilot_a_port_in_use_and_a_wrong_address_are_told_in_one_line():
             with pytest.raises(Unavailable, match=words) as told:
                 GroundStation(url, wait_s=0.5)
             assert "\n" not in str(told.value)
+
+
+class Heard:
+    """A MAVSDK client that hears autopilots of these systems."""
+
+    def __init__(self, *numbers):
+        self.systems = [SimpleNamespace(get_system_id=lambda n=n: n, has_autopilot=lambda: True) for n in numbers]
+
+    def first_autopilot(self, wait_s):
+        return next(iter(self.systems), None)
+
+    def get_systems(self):
+        return self.systems
+
+
+@pytest.mark.parametrize(
+    ("heard", "system", "words"),
+    [
+        ((1, 6), 0, r"several autopilots \(systems 1, 6\)"),
+        ((1,), 6, r"MAV_SYS_ID 6 .*heard: 1"),
+        ((), 0, "no autopilot"),
+    ],
+)
+def test_autopilot_that_is_not_the_only_one_has_to_be_named(monkeypatch, heard, system, words):
+    monkeypatch.setattr(ground, "_BEAT_S", 0.0)
+    station = GroundStation.__new__(GroundStation)
+    station._url, station._client = "udp://:14550", Heard(*heard)
+    with pytest.raises(Unavailable, match=words):
+        station._find(system, 0.0)
+    station._client = Heard(1, 6)
+    assert station._find(6, 0.0).get_system_id() == 6
 
 
 def test_log_needs_a_folder():
