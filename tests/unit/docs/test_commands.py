@@ -48,8 +48,7 @@ OTHER = {
     r"cat > ": "run by the test",
 }
 RAY = importlib.util.find_spec("ray") is not None  # its commands are parsed where it is installed
-# a verdict, not an error: incomplete where no operator answers, no-go on a machine that is too busy for the bus
-EXIT_CODES = {"check": (0, 1, 4)}
+EXIT_CODES = {"check": (0, 4)}  # incomplete where no operator is there to answer
 EVERY = [line for page in PAGES for line in typed(page)]
 
 
