@@ -1,6 +1,7 @@
 """An experiment is measured by the real command line, kept, and not measured again."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -31,6 +32,20 @@ def test_other_commands_or_networks_are_measured_again(change, tmp_path):
     path = tmp_path / "flights.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     assert not is_measured(LIST, tmp_path)
+
+
+def test_commands_that_fly_are_flown_on_the_cluster_and_kept_as_the_same_commands(tmp_path, monkeypatch):
+    asked = []
+
+    def run(words, **_):
+        asked.append(words[3:])
+        return SimpleNamespace(returncode=0, stdout="[]")
+
+    monkeypatch.setattr("hil.results.measure.subprocess.run", run)
+    both = Experiment("both", "", ("campaign hard-i", "policy evaluate state --json", "runs {runs} --json"))
+    measure(both, tmp_path, tmp_path / "runs", {}, "host:1")
+    assert [words[-2:] == ["--cluster", "host:1"] for words in asked] == [True, True, False]
+    assert is_measured(both, tmp_path)
 
 
 def test_command_that_fails_is_named_and_leaves_no_data(tmp_path):
