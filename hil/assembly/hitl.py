@@ -9,8 +9,7 @@ from pathlib import Path
 
 from hil.assembly.rig import VehicleSlot
 from hil.wires import WireError
-from hil.wires.determinism import ReservedProcessor, SettledServer
-from hil.wires.firmware import Firmware, check_build
+from hil.wires.firmware import Firmware
 from hil.wires.simulator import PORT, SimulatorPort, SimulatorServer, check_simulator
 from vehicle.px4.hitl.parameters import firmware_parameters
 from vehicle.quadrotor.airframe import load_airframe
@@ -52,25 +51,14 @@ class HitlWires:
         kind, where, number = check_simulator(slot.simulator)
         self.simulator: SimulatorServer | SimulatorPort
         self._firmware: Firmware | None = None
-        self._reserved: ReservedProcessor | None = None
         if kind == "serial":
             self.simulator = SimulatorPort(where, number)
             return
         build = build_folder(slot)
         if build:
-            check_build(build)
-        elif slot.deterministic:
-            raise WireError(f"deterministic = true needs a firmware that the run starts: give px4 or {BUILD}")
-        self.simulator = (SettledServer if slot.deterministic else SimulatorServer)(where, number + instance)
-        try:
-            self._reserved = ReservedProcessor() if slot.deterministic else None
-        except WireError:
-            self.simulator.close()
-            raise
-        if build:
             parameters = firmware_parameters(load_airframe(slot.airframe), slot.external_pose)
-            processor = self._reserved.number if self._reserved is not None else None
-            self._firmware = Firmware(build, parameters, instance, processor=processor)
+            self._firmware = Firmware(build, parameters, instance)
+        self.simulator = SimulatorServer(where, number + instance)
 
     def start(self, folder: Path) -> None:
         """Start the firmware, its log into `folder`, and wait until one has joined. Raises WireError."""
@@ -96,8 +84,6 @@ class HitlWires:
     def close(self) -> None:
         """Close the link and end the firmware; may be called twice."""
         self.simulator.close()
-        if self._reserved is not None:
-            self._reserved.release()
         if self._firmware is not None:
             self._firmware.stop()
 

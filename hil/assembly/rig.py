@@ -43,7 +43,6 @@ class VehicleSlot(_Section):
         default="",
         description="of kind hitl over TCP: build folder of the SITL that a run starts; empty: yours runs",
     )
-    deterministic: bool = Field(default=False, description="of a SITL that a lockstep run starts: equal runs")
     powered: bool = Field(
         default=False, description="of kind hitl over a serial port: the motors' battery may be connected"
     )
@@ -98,8 +97,6 @@ class VehicleSlot(_Section):
             raise ValueError("ground_url is a link of a real autopilot")
         if self.px4 and (self.kind != "hitl" or self.on_hardware):
             raise ValueError('px4 is a build folder: only kind "hitl" with a simulator of tcp://:4560 has one')
-        if self.deterministic and (self.kind != "hitl" or self.on_hardware):
-            raise ValueError('deterministic speaks of a SITL in lockstep: kind "hitl" with a simulator of tcp://:4560')
         if self.powered and not self.on_hardware:
             raise ValueError('powered speaks of a flight controller: kind "hitl" with a serial simulator')
         if self.on_hardware and not self.url:

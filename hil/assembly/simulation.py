@@ -49,8 +49,7 @@ class MemoryWires:
         if self._slot.kind != "hitl":
             return self._vehicle[0]
         url = offboard_url(self._slot, self._instance)
-        wire = open_url(url, self.vehicle_system())
-        self._offboard = BarrierWire(wire, lambda: BASE_US + self._clock() // 1000, self._slot.deterministic)
+        self._offboard = BarrierWire(open_url(url, self.vehicle_system()), lambda: BASE_US + self._clock() // 1000)
         return self._offboard
 
     def vehicle_device(self) -> object:

@@ -52,8 +52,6 @@ def check_options(
     rig: Rig, remote: tuple[str, ...], endpoint: str | None, keys: Path | None, *, viewed: bool = False
 ) -> None:
     """Checks the options of `run --live`. Raises ConfigError or KeysError."""
-    if rig.vehicle.deterministic:
-        raise ConfigError("vehicle.deterministic is for lockstep: a live run keeps wall time, and no two are equal")
     for service in remote:
         if service != "hub":
             check_service(rig, service)

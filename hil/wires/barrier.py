@@ -2,8 +2,7 @@
 
 The other end is a process with threads of its own, which the host's clock must not leave behind. What is sent has been
 processed before `send` returns: a PING follows it, which the firmware answers where it receives, after all before it.
-And `receive` waits for odometry that is due, once it comes as often as it was asked for; or, where two runs have to be
-equal, for the answer to a PING at each new time, which comes after all that the firmware had sent before.
+And `receive` waits for odometry that is due, once it comes as often as it was asked for.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from typing import Any
 from vehicle.px4.codec import MESSAGES, Packer, Parser
 
 _PATIENCE_S = 0.2
-_LONG_PATIENCE_S = 5.0  # once it has answered, where runs have to be equal: an answer may be late, not missed
 _IDS = (245, 51)
 _FAST_US, _LATE_US, _STOPPED_US = 14_000, 16_000, 500_000  # between two odometries; age of the last, of a lost stream
 
@@ -23,10 +21,9 @@ _FAST_US, _LATE_US, _STOPPED_US = 14_000, 16_000, 500_000  # between two odometr
 class BarrierWire:
     """A byte wire around another one. `missed` counts PINGs and odometries that did not come in time."""
 
-    def __init__(self, wire: Any, clock_us: Callable[[], int], deterministic: bool = False) -> None:
-        """`clock_us`: the firmware's time. `deterministic`: what has come by a time never depends on wall time."""
-        self._wire, self._clock_us, self._deterministic = wire, clock_us, deterministic
-        self._received_us = -1
+    def __init__(self, wire: Any, clock_us: Callable[[], int]) -> None:
+        """`clock_us`: the firmware's time."""
+        self._wire, self._clock_us = wire, clock_us
         self._packer, self._parser = Packer(*_IDS), Parser()
         self._waiting: list[bytes] = []
         self._ping, self._odometry = MESSAGES["PING"], MESSAGES["ODOMETRY"].id
@@ -42,11 +39,7 @@ class BarrierWire:
     def receive(self) -> list[bytes]:
         """What has come, oldest first, and the odometry that is due."""
         self._poll()
-        if not self._deterministic:
-            self._wait(self._due)
-        elif self._clock_us() != self._received_us:
-            self._received_us = self._clock_us()
-            self._exchange()
+        self._wait(self._due)
         pieces, self._waiting = self._waiting, []
         return pieces
 
@@ -66,7 +59,7 @@ class BarrierWire:
 
     def _wait(self, while_: Callable[[], bool]) -> bool:
         """Whether it ended in time."""
-        until = time.monotonic() + (_LONG_PATIENCE_S if self._deterministic and self._answered else _PATIENCE_S)
+        until = time.monotonic() + _PATIENCE_S
         while while_():
             late = time.monotonic() > until  # before the look, as this process may have slept
             self._poll()

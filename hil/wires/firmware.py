@@ -39,24 +39,14 @@ def check_build(folder: str) -> Path:
 class Firmware:
     """One firmware process. `start` it, and `stop` it at the end of the run."""
 
-    def __init__(
-        self,
-        build: str,
-        parameters: Mapping[str, float],
-        instance: int = 0,
-        model: str = MODEL,
-        processor: int | None = None,
-    ) -> None:
-        """`parameters`: name -> value, set before it boots. `processor`: the only one that it may use; None: any.
-
-        Raises WireError for a folder without PX4."""
+    def __init__(self, build: str, parameters: Mapping[str, float], instance: int = 0, model: str = MODEL) -> None:
+        """`parameters`: name -> value, set before it boots. Raises WireError for a folder without PX4."""
         self._build, self._instance = check_build(build), instance
         self._environment = {
             **{name: value for name, value in os.environ.items() if not name.startswith("PX4_")},
             **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()},
             "PX4_SIM_MODEL": model,
         }
-        self._processors = None if processor is None else {processor}
         self._process: subprocess.Popen[bytes] | None = None
         self._work: Path | None = None
         self._folder: Path | None = None
@@ -79,7 +69,7 @@ class Firmware:
             with (self._folder / LOG).open("ab") as log:
                 self._process = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, cwd=self._work,
-                    env=self._environment, start_new_session=True, preexec_fn=self._prepare,
+                    env=self._environment, start_new_session=True, preexec_fn=_end_with_parent,
                 )  # fmt: skip
         except OSError as error:
             raise WireError(f"{binary} cannot be started: {error.strerror}") from None
@@ -96,12 +86,6 @@ class Firmware:
         if work is not None:
             self._keep(work)
             shutil.rmtree(work, ignore_errors=True)
-
-    def _prepare(self) -> None:
-        """In the new process: it ends with its parent, and keeps to its processor."""
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        if self._processors is not None:
-            os.sched_setaffinity(0, self._processors)
 
     def _end(self, signals: tuple[int, ...]) -> None:
         process, self._process = self._process, None
@@ -120,3 +104,7 @@ class Firmware:
         if logs and self._folder is not None:
             with contextlib.suppress(OSError):
                 shutil.copyfile(logs[-1], self._folder / FLIGHT_LOG)
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -90,15 +90,6 @@ def test_firmware_that_was_silent_is_asked_again_once_it_is_heard(ends, monkeypa
     assert (other.got[-1], wire.missed) == ("PING", 1)
 
 
-def test_where_runs_are_equal_each_new_time_is_waited_for():
-    other = Other()
-    wire = BarrierWire(other, lambda: other.now_us, deterministic=True)
-    other.waiting.append(b"\xfd")
-    for other.now_us in (0, 0, 4000, 4000):
-        wire.receive()
-    assert other.got == ["PING", "PING"]
-
-
 def test_odometry_that_is_due_is_waited_for(ends):
     wire, other = ends
     for time_us in (0, 8000, 16000):
