@@ -171,7 +171,10 @@ class Randomisation(Table):
 
 
 class Scenario(Table):
-    """One scenario file. `time_limit` (s) counts from the attempt's start; `published` names a row of paper.toml."""
+    """One scenario file. `time_limit` (s) counts from the attempt's start; `published` names a row of paper.toml.
+
+    `rig`: what flies it unless another is asked for.
+    """
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$", max_length=40)]
     title: str
@@ -189,6 +192,7 @@ class Scenario(Table):
     randomisation: Randomisation = Randomisation()
     time_limit: Positive = 15.0
     published: str | None = None
+    rig: str = "sim"
     fault: tuple[FaultTable, ...] = ()
 
     @property

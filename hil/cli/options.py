@@ -23,6 +23,10 @@ Json = Annotated[bool, typer.Option("--json", help="print JSON on stdout, and no
 Out = Annotated[Path, typer.Option(help="folder of the run folders")]
 Records = Annotated[Path, typer.Option(help="folder of the signed checklist records")]
 Rig = Annotated[str, typer.Option(help="a rig's name (see `perch-hil rig list`) or a path to a .toml")]
+ScenarioRig = Annotated[
+    str | None,
+    typer.Option(help="a rig's name (see `perch-hil rig list`) or a path to a .toml [default: the scenario's]"),
+]
 Keys = Annotated[
     Path | None, typer.Option(help="folder made by `perch-hil bus keys`: the bus is closed, its endpoint is tls/")
 ]

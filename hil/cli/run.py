@@ -20,7 +20,7 @@ from hil.cli.options import (
     Out,
     Policy,
     Records,
-    Rig,
+    ScenarioRig,
     complain,
     fail,
     parse_seeds,
@@ -44,7 +44,7 @@ def run(
     scenario: Annotated[str, typer.Argument(help="a scenario's name (see `perch-hil scenarios`) or a path to a .toml")],
     seed: Annotated[int | None, typer.Option(help="varies spline, start, noise and airframe [default: 0]")] = None,
     seeds: Annotated[str | None, typer.Option(help="several: A..B, both included")] = None,
-    rig: Rig = "sim",
+    rig: ScenarioRig = None,
     policy: Policy = None,
     camera: Camera = None,
     pictures: Annotated[
@@ -83,13 +83,14 @@ def run(
     from hil.cli.flights import Request, plan_of
     from kernel.toml_errors import ConfigError
     from policies.flying.contract import ContractError
+    from scenarios.spec import load
 
-    request = Request(
-        scenario=scenario, rig=rig, policy=policy, camera=camera, pictures=pictures, out=out, records=records,
-        override=override, live=live, remote=tuple(remote or ()), endpoint=endpoint, keys=keys, view=view,
-        foxglove=foxglove_port if foxglove else None,
-    )  # fmt: skip
     try:
+        request = Request(
+            scenario=scenario, rig=rig or load(scenario).rig, policy=policy, camera=camera, pictures=pictures, out=out,
+            records=records, override=override, live=live, remote=tuple(remote or ()), endpoint=endpoint, keys=keys,
+            view=view, foxglove=foxglove_port if foxglove else None,
+        )  # fmt: skip
         wanted = parse_seeds(seed, seeds)
         plan = plan_of(request, wanted)
     except (ConfigError, ContractError, ValueError) as error:

@@ -6,6 +6,7 @@ from hil.assembly.plan import Plan
 from hil.assembly.rig import RIG_DIR, list_rigs
 from hil.recording.runs import RunError
 from policies.flying.contract import ContractError
+from scenarios.spec import list_scenarios, load
 from tests.paths import ROOT
 
 CALIBRATION = "[camera.calibration]\nwidth = 320\nheight = 240\nfx = 300.0\nfy = 300.0\ncx = 159.5\ncy = 119.5\n"
@@ -16,6 +17,11 @@ def test_every_shipped_rig_flies_its_default_policy(rig):
     plan = Plan("simple-i", rig, None, None)
     assert plan.policy_name == plan.rig.policy.kind
     assert plan.make_policy()
+
+
+@pytest.mark.parametrize("scenario", list_scenarios())
+def test_every_shipped_scenario_is_flown_by_the_rig_that_it_names(scenario):
+    assert Plan(scenario, load(scenario).rig, None, None).make_policy()
 
 
 @pytest.mark.parametrize("policy", ["vision", str(ROOT / "policies/checkpoints/plain/vision.onnx")])
