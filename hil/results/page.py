@@ -103,7 +103,7 @@ def _scenarios(name: str) -> Callable[[Data], str]:
 
     def made(data: Data) -> str:
         flights = data.get(name, [])
-        order = list_scenarios()
+        order = [scenario for scenario in list_scenarios() if load(scenario).published]
         rows = []
         for policy in dict.fromkeys(row["policy"] for row in flights):
             mine = [row for row in flights if row["policy"] == policy]

@@ -11,11 +11,12 @@ import os
 import re
 import signal
 import socket
+import sys
 import tempfile
 import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,8 @@ def connected(address: str, at_once: int | None) -> Iterator[Cluster]:
     if address == "auto":
         address = _found()
         check_address(address)
-    with tempfile.TemporaryDirectory(prefix="perch-hil-code-") as folder:
+    # what Ray tells of its machines would stand between the results on stdout
+    with redirect_stdout(sys.stderr), tempfile.TemporaryDirectory(prefix="perch-hil-code-") as folder:
         code = Path(folder)
         copy_code(code)
         env = {"working_dir": folder, "env_vars": dict.fromkeys(_THREADS, "1")}

@@ -140,7 +140,7 @@ def test_recorder_on_a_full_disk_states_the_cause_and_exits(tmp_path, room):
         return
     assert child.returncode == 3
     assert health[-1]["state"] == "failed"
-    assert "run.mcap failed at " in health[-1]["why"]
+    assert "run.mcap failed" in health[-1]["why"]
     assert health[-1]["why"].endswith("File too large")
     lines = process.log.read_text().splitlines()
     assert lines == [f"perch-hil: recorder: {health[-1]['why']}"]

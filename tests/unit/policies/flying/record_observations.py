@@ -60,7 +60,7 @@ def observed(scenario: str, out: Path) -> np.ndarray:
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as out:
-        found = np.concatenate([observed(name, Path(out)) for name in list_scenarios()])
+        found = np.concatenate([observed(name, Path(out)) for name in list_scenarios() if load(name).published])
     np.savez_compressed(OBSERVATIONS, layout=LAYOUT_NAME, version=LAYOUT_VERSION, observations=found)
     print(f"{OBSERVATIONS}: {found.shape}, {OBSERVATIONS.stat().st_size} bytes")
 
