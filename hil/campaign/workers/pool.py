@@ -56,7 +56,7 @@ _work: Any = None  # of this process, if it is one of a pool
 def _begin(campaign: int, work: Any) -> None:
     global _work
     if not die_with_parent(campaign):
-        os._exit(1)  # killed already: nobody waits for what would be done here
+        os._exit(1)  # killed already: the result would be read by no process
     numba.set_num_threads(1)  # the processes are the threads
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but for a task's duration
     _work = work

@@ -57,7 +57,7 @@ class FoxgloveServer:
         if channel is not None and channel.has_sinks():
             channel.log(self._codecs[topic].encode(message), log_time=at)
         if topic == PICTURES and not self._views[_VIEWED_PICTURES].has_sinks():
-            return  # a picture that nobody looks at is not compressed
+            return  # without a client that asked for it a picture is not compressed
         try:
             views = self._view(topic, message)
         except Exception:  # whatever a codec of pictures or protobuf raises for a value from the bus
