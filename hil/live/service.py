@@ -122,7 +122,9 @@ class LiveService:
                 self._wait_for_start()
                 self._mailbox.forget()
                 return True
-            if self._presence.gone():
+            gone = self._presence.gone()
+            if gone:
+                self._log(f"ended before the run began: {gone}")
                 self._gone = True
                 return False
         return False

@@ -10,15 +10,17 @@ from hil.bus.mailbox import Delivery
 from hil.contract.messages import Event
 
 _GATES = {"vehicle_link": "gate", "car_link": "car_gate"}  # sources of events within a node
+_FAULT = "fault"  # the source of events of a scenario's faults, which act on any node
 
 
 @cache
 def sources(service: str) -> frozenset[str]:
-    """Names that `service` may give as the source of an event: its own, those of its nodes and of their gates."""
+    """Names that `service` may give as the source of an event: its own, those of its nodes and of their gates, and
+    that of faults."""
     if service not in SERVICES:
         return frozenset((service,))
     nodes = [name for name, row in NODES.items() if row.service.name == service]
-    return frozenset((service, *nodes, *(_GATES[node] for node in nodes if node in _GATES)))
+    return frozenset((service, _FAULT, *nodes, *(_GATES[node] for node in nodes if node in _GATES)))
 
 
 def attributed(delivery: Delivery) -> Delivery:
