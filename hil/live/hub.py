@@ -12,6 +12,7 @@ from hil.bus.keys import access_control
 from hil.bus.leaf import Credentials, open_hub
 from hil.bus.refusals import Refusals
 from hil.live.liveness import Presence
+from hil.live.priority import drop_priority
 from hil.live.spec import LiveSpec
 
 _LINGER_S = 25.0  # the leaves detect it, reach their safe state, and are recorded until then
@@ -44,6 +45,7 @@ def serve_hub(
         signal.signal(number, stop)
     port = int(endpoint.rpartition(":")[2])
     with Refusals(port) if credentials is not None else nullcontext(), open_hub(endpoint, credentials, access):
+        drop_priority()
         while not done.wait(0.5):
             if orphaned():
                 done.wait(_LINGER_S)

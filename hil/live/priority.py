@@ -64,6 +64,14 @@ def take_priority(priority: PriorityClass) -> None:
         _take_slice(wanted.slice_ns)
 
 
+def drop_priority() -> None:
+    """Give back what `take_priority` got for this thread, which only waits from now on; threads that it has started
+    keep theirs. Otherwise an endless loop in it would take a core from all services."""
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, 0, 0)
+
+
 class StepPriority:
     """A context in which this thread has the priority that its class has during a step. Made after `take_priority`."""
 
