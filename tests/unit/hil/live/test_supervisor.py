@@ -2,14 +2,15 @@
 
 import mmap
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
+from hil.live import orphaned
 from hil.live.orphaned import mapped_memory, remove_orphaned_memory
 from hil.live.process import Process
 from hil.live.supervisor import Supervisor, SupervisorError
@@ -203,10 +204,12 @@ def test_hub_that_cannot_start_is_reported_by_name(tmp_path):
             supervisor.connect(limit_s=60.0)
 
 
-@pytest.mark.usefixtures("real_time")
-@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no /dev/shm")
-def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path):
-    orphan, held = Path(f"/dev/shm/{os.getpid()}1.zenoh"), Path(f"/dev/shm/{os.getpid()}2.zenoh")
+def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path, monkeypatch):
+    folder = tmp_path / "shm"  # not /dev/shm: each process that joins a bus, of any other test, cleans up there
+    folder.mkdir()
+    monkeypatch.setattr(orphaned, "_FOLDER", folder)
+    monkeypatch.setattr(orphaned, "_MAPPED", re.compile(rf" {folder}/(\S+\.zenoh)$", re.MULTILINE))
+    orphan, held = folder / "1.zenoh", folder / "2.zenoh"
     outside = tmp_path / "outside.zenoh"
     holder = None
     try:
@@ -237,8 +240,6 @@ def test_orphaned_shared_memory_of_the_bus_is_removed_and_held_is_kept(tmp_path)
         if holder is not None:
             holder.kill()
             holder.communicate()
-        for path in (orphan, held):
-            path.unlink(missing_ok=True)
 
 
 class FakeBus:
