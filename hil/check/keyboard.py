@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import select
 import sys
 import termios
 import tty
 from collections.abc import Callable
 from typing import IO
+
+_SIGNALS_EVERY_S = 0.2
 
 
 class Keyboard:
@@ -35,6 +38,7 @@ class Keyboard:
             tty.setcbreak(fd, termios.TCSAFLUSH)  # discards what was typed; Ctrl-C still interrupts
             prompt()
             while True:
+                _wait_for_input(fd)
                 data = os.read(fd, 64)
                 if not data or data == b"\x04":
                     raise EOFError("the terminal is gone")
@@ -51,6 +55,7 @@ class Keyboard:
         fd = self._stream.fileno()
         termios.tcflush(fd, termios.TCIFLUSH)
         print(prompt, end="", flush=True)
+        _wait_for_input(fd)
         text = self._stream.readline()
         if not text:
             raise EOFError("the terminal is gone")
@@ -62,3 +67,9 @@ class Keyboard:
             termios.tcsetattr(fd, termios.TCSADRAIN, before)
         except termios.error:
             return  # the terminal is gone, and its settings with it
+
+
+def _wait_for_input(fd: int) -> None:
+    """Wait in steps: a Ctrl-C just before a call that blocks is seen only when that call ends."""
+    while not select.select([fd], [], [], _SIGNALS_EVERY_S)[0]:
+        continue

@@ -5,6 +5,7 @@ import fcntl
 import os
 import pty
 import select
+import signal
 import termios
 import threading
 from collections.abc import Iterator
@@ -78,3 +79,34 @@ def test_arrow_keys_and_pasted_text_are_ignored(terminal, pressed):
         os.write(typist, b"f")
         reader.join(30)
     assert reader_done == ["f"]
+
+
+@pytest.mark.parametrize("asked", ["key", "line"])
+def test_ctrl_c_that_does_not_interrupt_the_blocking_call_still_ends_the_question(terminal, asked):
+    """As a Ctrl-C just before the call. Here another thread takes the signal, so that no call is interrupted."""
+    typist, program = terminal
+    stop, waited_on = threading.Event(), threading.Event()
+
+    def take() -> None:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        if stop.wait(0.5):
+            return
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+        if not stop.wait(10):
+            waited_on.set()
+            os.write(typist, b"p\n")  # so that it ends
+
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    taker = threading.Thread(target=take)
+    taker.start()
+    try:
+        with os.fdopen(os.dup(program), "r") as stream, pytest.raises(KeyboardInterrupt):
+            keyboard = Keyboard(stream)
+            print(keyboard.key("p", lambda: None) if asked == "key" else keyboard.line("why? "))
+    finally:
+        stop.set()
+        taker.join()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, handler)
+    assert not waited_on.is_set()
