@@ -2,8 +2,8 @@
 
 `step` never blocks and reads no clock. It takes the vehicle through the phases of `LinkOutput.phase`; PX4's mode is
 taken from CURRENT_MODE and HEARTBEAT only, because the first COMMAND_ACK of a mode change is always ACCEPTED. After
-the hand-over nothing is sent without a fresh command, because the autopilot's failsafe reacts to a missing stream.
-PX4 would return to OFFBOARD when a stream resumes; after a gap or a change of mode this driver therefore sends none.
+the hand-over rates are sent only while commands come; after a gap the vehicle brakes and the autopilot lands it. PX4
+would return to OFFBOARD when a stream resumes; after a change of mode this driver therefore sends none.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Rates
 _KILL_NS = 100_000_000
 _TAKEN_OFF_M = 1.0  # above the ground; from here it flies to the start
 _CLIMB_M = 1.5  # above the ground, of the take-off's set-point
+_BRAKE_ABOVE, _BRAKED = 1.0, 0.5  # m/s: a faster vehicle brakes before it is handed back, down to the second
+_BRAKE_LIMIT_S = 1.5
 _OURS = (px4.OFFBOARD, px4.LAND, px4.RTL)  # modes that this driver, or a failsafe in its flight, has brought about
-_IN_FLIGHT = ("takeoff", "goto", "hover", "handed_over", "interrupted", "hold")
+_IN_FLIGHT = ("takeoff", "goto", "hover", "handed_over", "interrupted")
 
 
 class Px4Link(GroundPhases):
@@ -38,7 +40,7 @@ class Px4Link(GroundPhases):
         self._command_t = self._setpoint_t = 0
         self._killing = False  # a kill was requested
         self._climb_from: tuple[float, float, float] | None = None  # x, y (m) and yaw (rad) on the ground
-        flight = ("arm", "takeoff", "goto", "hover", "handed_over", "interrupted", "hold", "released", "failed")
+        flight = (*_IN_FLIGHT, "arm", "brake", "released", "failed")
         self._steps: dict[str, Callable[[int], None]] = {
             name: getattr(self, f"_step_{name}") for name in (*BEFORE_FLIGHT, *flight)
         }
@@ -47,13 +49,12 @@ class Px4Link(GroundPhases):
         """Stop the motors at once, in the air or perched; repeated until the autopilot reports that it is disarmed."""
         self._killing = True
 
-    def hold(self) -> None:
-        """Hand the vehicle back: the autopilot holds its position. No effect on the ground."""
-        self._hand_back("hold")
-
     def release(self) -> None:
-        """Hand the vehicle back: the autopilot lands it where it is and disarms. No effect on the ground."""
-        self._hand_back("released")
+        """Brake, then hand the vehicle back: the autopilot lands it there and disarms. No effect on the ground."""
+        if self.phase == "handed_over" and self._speed() > _BRAKE_ABOVE:
+            self._enter("brake")
+        elif self.phase in _IN_FLIGHT:
+            self._enter("released")
 
     def step(self, now_ns: int, command: Rates | None = None, external_pose: ExternalPose | None = None) -> LinkOutput:
         """Process received frames, advance the phase, send what is due. Call it at 100 Hz or faster.
@@ -89,9 +90,9 @@ class Px4Link(GroundPhases):
         self._command_t = self._t
         return self._send.rates(command, self.hover_thrust)
 
-    def _hand_back(self, phase: str) -> None:
-        if self.phase in _IN_FLIGHT and self.phase != phase:
-            self._enter(phase)
+    def _speed(self) -> float:
+        odometry = self._autopilot.odometry
+        return math.hypot(*odometry.velocity) if odometry is not None else 0.0
 
     # phases
 
@@ -148,12 +149,21 @@ class Px4Link(GroundPhases):
         """Without a command nothing is sent."""
         self._check_control()
 
+    def _step_brake(self, now_ns: int) -> None:
+        """Stop in OFFBOARD, at the tilt that PX4's velocity controller takes at once (MPC_XY_VEL_P_ACC): its modes that
+        land or hold would slow down by MPC_ACC_HOR, too late for a vehicle in front of a board."""
+        self._check_control()
+        if self.phase != "brake":
+            return
+        if self._speed() < _BRAKED or self._elapsed(_BRAKE_LIMIT_S):
+            self._enter("released")
+            self._step_released(now_ns)
+        elif now_ns - self._setpoint_ns >= SETPOINT_NS:
+            self._setpoint_ns = now_ns
+            self._send.stop()
+
     def _step_interrupted(self, now_ns: int) -> None:
         """Nothing is sent, so that the autopilot's failsafe, or the pilot who has taken over, flies."""
-
-    def _step_hold(self, now_ns: int) -> None:
-        if self._autopilot.armed and self._autopilot.mode != px4.HOLD and self._ask("holding the position was refused"):
-            self._send.mode(px4.HOLD)
 
     def _step_released(self, now_ns: int) -> None:
         autopilot = self._autopilot
@@ -199,7 +209,7 @@ class Px4Link(GroundPhases):
             self._send.mode(px4.HOLD)
 
     def _check_control(self) -> None:
-        """Give control up for good if the vehicle is flown by a failsafe or a pilot, or commands have stopped."""
+        """Give control up for good to a failsafe or a pilot that flies it; land it if commands have stopped."""
         autopilot = self._autopilot
         silent = self._t - self._command_t
         if not autopilot.armed:
@@ -207,7 +217,8 @@ class Px4Link(GroundPhases):
         elif autopilot.mode != px4.OFFBOARD:
             self._interrupt(f"the autopilot is in {px4.mode_name(autopilot.mode)}")
         elif self.phase == "handed_over" and silent > self._config.gap_limit * SECOND:
-            self._interrupt(f"no command for {silent / 1e9:.2f} s")
+            self._note("error", f"control lost: no command for {silent / 1e9:.2f} s; it lands")
+            self.release()
 
     def _interrupt(self, why: str) -> None:
         self._enter("interrupted")

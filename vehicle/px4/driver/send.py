@@ -16,6 +16,7 @@ _GRAVITY = 9.80665
 _NAN = math.nan
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _POSITION_VELOCITY_YAW = int(px4.PositionMask.ACCELERATION | px4.PositionMask.YAW_RATE)  # fields that PX4 ignores
+_VELOCITY = int(px4.PositionMask.POSITION | px4.PositionMask.ACCELERATION | px4.PositionMask.YAW)
 _NO_COVARIANCE = (_NAN,) * 21
 _TYPE_ONBOARD, _AUTOPILOT_NONE, _ACTIVE, _VERSION = 18, 8, 4, 3
 
@@ -85,6 +86,13 @@ class Sender:
         self._send(
             "SET_POSITION_TARGET_LOCAL_NED", self._boot_ms(), *self._target, px4.FRAME_LOCAL_NED,
             _POSITION_VELOCITY_YAW, *swap_world(x, y, z), *swap_world(*velocity), 0.0, 0.0, 0.0, swap_yaw(heading), 0.0,
+        )  # fmt: skip
+
+    def stop(self) -> None:
+        """Velocity set-point of 0, the heading as it is."""
+        self._send(
+            "SET_POSITION_TARGET_LOCAL_NED", self._boot_ms(), *self._target, px4.FRAME_LOCAL_NED, _VELOCITY,
+            *(0.0,) * 11,
         )  # fmt: skip
 
     def rates(self, command: Rates, hover_thrust: float) -> float:

@@ -135,7 +135,8 @@ class LinkOutput:
     """What one step of the driver found.
 
     `phase`: connect, parameters, streams, ready, verify, arm, takeoff, goto, hover (waits for the first command),
-    handed_over, interrupted (control was lost and is not resumed), hold, released (landing), killed, failed.
+    handed_over, brake (before it is released), interrupted (control was lost and is not resumed), released (landing),
+    killed, failed.
     """
 
     phase: str

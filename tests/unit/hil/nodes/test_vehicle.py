@@ -114,7 +114,7 @@ def test_vehicle_node_sends_nothing_after_a_trip_and_reports_it_once():
     assert rig.link.calls == ["release"]
 
 
-@pytest.mark.parametrize("phase", ["hover", "interrupted", "released", "hold"])
+@pytest.mark.parametrize("phase", ["hover", "interrupted", "released", "brake"])
 def test_trip_takes_no_vehicle_that_is_not_flown_by_commands(phase):
     rig = Rig()
     rig.link.phase = phase

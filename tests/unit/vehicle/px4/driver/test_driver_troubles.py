@@ -127,23 +127,53 @@ def test_dead_motor_fails_before_offboard_control():
 # control
 
 
-def test_control_is_not_resumed_after_a_gap():
+def test_vehicle_is_landed_after_a_gap_and_control_is_not_resumed():
     bench = Bench().to("hover")
     bench.run(0.5, hover)
     bench.run(0.32)
-    assert bench.link.phase == "interrupted"
+    assert bench.link.phase == "released"
     assert bench.reported("control lost: no command for 0.25 s")
     count = len(bench.sent)
-    bench.run(3.0, hover)  # the policy is back: PX4 would return to OFFBOARD by itself
+    bench.run(3.0, hover)  # the policy is back
     assert len(bench.sent) == count
     assert bench.link.refused == 300
-    assert bench.sim.flight.active == px4.LAND
-    assert bench.out.failsafe
-    assert bench.reported("autopilot in failsafe, mode AUTO.LAND") and bench.reported("autopilot: Failsafe activated")
-    bench.link.release()
+    assert (bench.sim.flight.active, bench.out.failsafe) == (px4.LAND, False)
     assert bench.run(20.0, hover, until=lambda: not bench.out.armed)
     bench.run(1.0)
     assert bench.sim.flight.intended == px4.HOLD
+
+
+def fast(bench: Bench) -> Bench:
+    """At more than 3 m/s, nose down."""
+    bench.to("hover").run(0.3, hover)
+    bench.run(0.3, lambda _: Rates((0.0, 2.0, 0.0), HOVER.thrust))
+    assert bench.run(3.0, lambda _: Rates((0.0, 0.0, 0.0), 1.2 * HOVER.thrust), until=lambda: bench.speed > 3.0)
+    return bench
+
+
+@pytest.mark.parametrize("how", ["release", "gap"])
+def test_fast_vehicle_brakes_at_once_before_it_is_landed(how):
+    bench = fast(Bench())
+    if how == "release":
+        bench.link.release()
+    else:
+        bench.run(0.3)
+    bench.run(0.8, hover)
+    assert (bench.out.phase, bench.sim.flight.active) == ("brake", px4.OFFBOARD)
+    assert bench.speed < 1.8, "2.6 in PX4's landing: most of the time goes to the turn from nose down"
+    assert bench.run(1.0, hover, until=lambda: bench.out.phase == "released")
+    assert bench.speed < 0.7
+    assert bench.run(20.0, hover, until=lambda: not bench.out.armed)
+    assert bench.out.landed
+
+
+def test_pilot_keeps_control_after_taking_over_from_a_vehicle_that_brakes():
+    bench = fast(Bench(gcs=True))
+    bench.link.release()
+    bench.run(0.1)
+    bench.gcs.send(client().send_name("COMMAND_LONG", 1, 1, 176, 0, 1.0, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0))
+    bench.run(3.0)
+    assert (bench.link.phase, bench.sim.flight.active) == ("interrupted", px4.HOLD)
 
 
 def test_gap_shorter_than_the_limit_keeps_control():
