@@ -103,7 +103,7 @@ class LinkConfig:
     goto_limit: float = 60.0  # to reach the start and come to rest
     hover_thrust_tolerance: float = 0.35  # relative, of the learned hover thrust against the airframe's
     prearm_limit: float = 60.0  # for the autopilot's pre-arm checks
-    gap_limit: float = 0.25  # without a command after the hand-over: control is not resumed
+    gap_limit: float = 0.25  # without a command after the hand-over: it brakes and lands
     answer_limit: float = 0.6  # before a request is repeated
     tries: int = 8
     external_pose_hz: float = 50.0
