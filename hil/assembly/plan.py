@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from hil.assembly.cameras import camera_contract
 from hil.assembly.node_table import fault_setting
 from hil.assembly.recorded_motion import identified
-from hil.assembly.rig import Rig, load_rig
+from hil.assembly.rig import Rig, chosen_rig, load_rig
 from hil.faults.kinds import check_faults
 from hil.recording.runs import RunError, policy_identity
 from policies.flying.registry import POLICY, PolicyFactory, policy_factory
@@ -23,19 +23,22 @@ class Plan:
     def __init__(
         self,
         scenario: str,
-        rig: str,
+        rig: str | None,
         policy: str | None,
         camera: str | None,
         *,
         faults: Sequence[FaultTable] = (),
         live: bool = False,
     ) -> None:
-        """`faults` are flown besides the scenario's own. Raises ConfigError, ContractError or ValueError: one line
-        each."""
+        """`rig`: a name or a path, None for the scenario's own. `faults` are flown besides the scenario's own.
+
+        Raises ConfigError, ContractError or ValueError: one line each.
+        """
         self.scenario: Scenario = load(scenario)
+        self.rig_name = chosen_rig(self.scenario, rig)
         if faults:
             self.scenario = self.scenario.model_copy(update={"fault": (*self.scenario.fault, *faults)})
-        self.rig: Rig = load_rig(rig)
+        self.rig: Rig = load_rig(self.rig_name)
         if camera is not None:
             source = self.rig.camera.model_copy(update={"source": camera})
             self.rig = self.rig.model_copy(update={"camera": source})

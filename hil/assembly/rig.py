@@ -14,6 +14,7 @@ from hil.wires.crazyradio import check_radio
 from hil.wires.simulator import check_simulator
 from hil.wires.url import check_url
 from kernel.toml_errors import ConfigError, load_toml, nearest
+from scenarios.spec import Scenario
 from vehicle.camera.lens import MODELS, Lens
 from vehicle.quadrotor.airframe import load_airframe
 
@@ -264,6 +265,11 @@ class Rig(_Section):
 def list_rigs() -> list[str]:
     """Names of the rigs that come with the project."""
     return sorted(path.stem for path in RIG_DIR.glob("*.toml"))
+
+
+def chosen_rig(scenario: Scenario, asked: str | None) -> str:
+    """Name or path of the rig that flies `scenario`: the one asked for, or else the one that the scenario names."""
+    return asked or scenario.rig
 
 
 def load_rig(name: str) -> Rig:

@@ -32,12 +32,15 @@ class Planned:
 
     scenario: Scenario
     rig: Rig
+    rig_name: str
     policy: str
 
     @classmethod
     def of(cls, plan: Plan) -> Planned:
         file = None if plan.policy_name in SHIPPED else policy_file(plan.policy_name)
-        return cls(plan.scenario, plan.rig, str(file.absolute()) if file else plan.policy_name)
+        return cls(
+            plan.scenario, plan.rig, Path(plan.rig_name).stem, str(file.absolute()) if file else plan.policy_name
+        )
 
     @property
     def files(self) -> dict[str, Path]:
@@ -71,7 +74,6 @@ class Flying:
 
     out: Path
     plans: Mapping[tuple[str, str, str], Planned]
-    rig_name: str
     pictures: str
     keep: str
     code: Code
@@ -80,7 +82,7 @@ class Flying:
     def of(cls, grid: Grid, jobs: Sequence[Job], code: Code) -> Flying:
         """The work of these jobs of a checked grid."""
         plans = {job.case: Planned.of(plan_of(grid, job)) for job in {job.case: job for job in jobs}.values()}
-        return cls(grid.out, plans, Path(grid.rig).stem, grid.pictures, grid.keep, code)
+        return cls(grid.out, plans, grid.pictures, grid.keep, code)
 
     @property
     def files(self) -> dict[str, Path]:
@@ -95,7 +97,7 @@ class Flying:
         try:
             flight = fly(
                 plan.scenario, plan.rig, _policy(plan.policy, rig)(), job.seed,
-                policy_name=plan.policy, rig_name=self.rig_name, pictures=self.pictures, out=place.out,
+                policy_name=plan.policy, rig_name=plan.rig_name, pictures=self.pictures, out=place.out,
                 code=self.code, progress=lambda *_: None, clearance={"kind": "simulated"},
             )  # fmt: skip
             if flight.interrupted:

@@ -19,12 +19,13 @@ from scenarios.faults import FaultFile, FaultTable
 
 @dataclass(frozen=True)
 class Grid:
-    """What is to be flown. `rig` and `camera` as for a single run; `pictures`: which to record."""
+    """What is to be flown. `rig` and `camera` as for a single run (no `rig`: each scenario's own); `pictures`: which to
+    record."""
 
     scenarios: tuple[str, ...]
     policies: tuple[str, ...]
     seeds: range
-    rig: str
+    rig: str | None
     camera: str | None
     pictures: str
     out: Path
@@ -77,9 +78,10 @@ def check(grid: Grid) -> list[Job]:
             raise ConfigError(f"{kind} {', '.join(twice)} is given twice")
     for scenario, policy in itertools.product(grid.scenarios, grid.policies):
         for case in grid.cases:
-            if not plan_of(grid, Job(scenario, policy, 0, case)).rig.simulated:
+            plan = plan_of(grid, Job(scenario, policy, 0, case))
+            if not plan.rig.simulated:
                 raise ConfigError(
-                    f'rig "{grid.rig}" has real devices: a campaign repeats seeds, which only simulation can'
+                    f'rig "{plan.rig_name}" has real devices: a campaign repeats seeds, which only simulation can'
                 )
     if grid.faults:
         every = itertools.product(grid.seeds, grid.scenarios, grid.cases, grid.policies)
@@ -106,7 +108,7 @@ def left_to_do(grid: Grid, jobs: Sequence[Job]) -> list[Job]:
 def _wanted(grid: Grid, job: Job) -> str:
     plan = plan_of(grid, job)
     scenario = {**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name}
-    rig = {**plan.rig.model_dump(mode="json"), "name": Path(grid.rig).stem}
+    rig = {**plan.rig.model_dump(mode="json"), "name": Path(plan.rig_name).stem}
     return _key(scenario, rig, policy_identity(plan.policy_name), job.seed)
 
 
@@ -127,5 +129,5 @@ def plan_of(grid: Grid, job: Job) -> Plan:
 
 
 @lru_cache(maxsize=512)
-def _plan(scenario: str, rig: str, policy: str, camera: str | None, faults: tuple[FaultTable, ...]) -> Plan:
+def _plan(scenario: str, rig: str | None, policy: str, camera: str | None, faults: tuple[FaultTable, ...]) -> Plan:
     return Plan(scenario, rig, policy, camera, faults=faults)

@@ -18,7 +18,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from hil.assembly.rig import load_rig
+from hil.assembly.rig import chosen_rig, load_rig
 from hil.bench.devices import Context
 from hil.check import records
 from hil.check.catalogue import checks
@@ -44,7 +44,7 @@ class CheckRequest:
     """The command line."""
 
     list_name: str
-    rig: str
+    rig: str | None  # None: the scenario's
     policy: str | None
     scenario: str
     record: Path | None
@@ -128,16 +128,18 @@ def _verdict(code: int, record: Record) -> str:
 
 
 def _context(request: CheckRequest) -> tuple[Context, dict[str, Any]]:
-    rig, scenario = load_rig(request.rig), load(request.scenario)
+    scenario = load(request.scenario)
+    rig_name = chosen_rig(scenario, request.rig)
+    rig = load_rig(rig_name)
     airframe = load_airframe(rig.vehicle.airframe)
     policy = request.policy or rig.policy.kind
     file = policy_file(policy)
     if file is None or file.suffix != ".onnx":  # faults of a file are found by an item of the list
         policy_factory(policy, airframe)
     context = Context(
-        Path(request.rig).stem, rig, policy, scenario, request.out, request.run, request.endpoint, request.keys
+        Path(rig_name).stem, rig, policy, scenario, request.out, request.run, request.endpoint, request.keys
     )
-    return context, subject(request.rig, rig, policy, scenario)
+    return context, subject(rig_name, rig, policy, scenario)
 
 
 def _open_record(request: CheckRequest, checklist: Checklist, about: dict[str, Any]) -> tuple[Path, Record]:

@@ -20,6 +20,7 @@ from hil.cli.options import (
     Json,
     Keys,
     Rig,
+    ScenarioRig,
     credentials,
     fail,
     hub_endpoint,
@@ -91,7 +92,7 @@ def hub(
 def node(
     service: Annotated[str, typer.Argument(help="a service of the rig: brain, detector, camera, ...")],
     scenario: Annotated[str, typer.Option(help="the run's scenario")],
-    rig: Rig = "sim",
+    rig: ScenarioRig = None,
     seed: Annotated[int, typer.Option(help="the run's seed")] = 0,
     policy: Annotated[
         str | None, typer.Option(help=f"the run's policy: {POLICIES} or PATH.onnx [default: the rig's]")
@@ -112,7 +113,7 @@ def node(
 
     Exit code: 0 the run is over, 2 usage or configuration, 3 no hub, the run's host was lost, or a device is not there.
     """
-    from hil.assembly.rig import load_rig
+    from hil.assembly.plan import Plan
     from hil.bus.leaf import BusError
     from hil.bus.session import no_shared_memory
     from hil.live.main import serve
@@ -124,12 +125,11 @@ def node(
     from hil.wires import WireError
 
     try:
-        ports = free_ports(load_rig(rig))
+        plan = Plan(scenario, rig, policy, camera, live=True)
         spec = LiveSpec(
             scenario=scenario, rig=rig, policy=policy, camera=camera, seed=seed, endpoint=hub_endpoint(endpoint, keys),
-            ports=ports, pictures="none", folder=receipts, keys=keys,
+            ports=free_ports(plan.rig), pictures="none", folder=receipts, keys=keys,
         )  # fmt: skip
-        plan = spec.plan()
         check_service(plan.rig, service)
         check_identities(keys, [service])
         if service == "brain":

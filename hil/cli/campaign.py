@@ -20,7 +20,7 @@ from hil.cli.options import (
     Camera,
     Cluster,
     Json,
-    Rig,
+    ScenarioRig,
     complain,
     fail,
     parse_seeds,
@@ -47,7 +47,7 @@ def fly(
         ),
     ] = None,
     seeds: Annotated[str, typer.Option(help="A..B, both included: the same for every policy")] = "0..9",
-    rig: Rig = "sim",
+    rig: ScenarioRig = None,
     camera: Camera = None,
     pictures: Annotated[Literal["preview", "all", "none"], typer.Option(help="which pictures to record")] = "none",
     faults: Annotated[
@@ -83,7 +83,7 @@ def fly(
     Exit code: 0 all flown, requirements met, 1 a requirement is not met or a flight with a fault was unsafe, 2 usage or
     configuration, 3 some could not be flown, 4 undecided at this number of flights, 130 interrupted.
     """
-    from hil.assembly.rig import load_rig
+    from hil.assembly.rig import chosen_rig, load_rig
     from hil.campaign.draw import read_list
     from hil.campaign.flying import Flying
     from hil.campaign.grid import Grid, check, left_to_do
@@ -103,15 +103,19 @@ def fly(
         if junit is not None and not require:
             raise ConfigError("--junit says what became of requirements: give --require")
         requirements = [read(text) for text in require or ()]
-        policies = tuple(policy or [load_rig(rig).policy.kind])
+        flown = tuple(scenarios or (name for name in list_scenarios() if load(name).published))
+        rigs = {name: load_rig(name) for name in dict.fromkeys(chosen_rig(load(scenario), rig) for scenario in flown)}
+        policies = tuple(policy or dict.fromkeys(one.policy.kind for one in rigs.values()))
+        if not policy and len(policies) > 1:
+            raise ConfigError(f"the scenarios' rigs {', '.join(rigs)} fly different policies: give --policy or --rig")
         _check_pairs(requirements, policies)
         listed = read_list(sealed) if sealed else None
         tables = load_toml(faults, FaultFile).fault if faults else ()
-        flown = tuple(scenarios or (name for name in list_scenarios() if load(name).published))
         grid = Grid(flown, policies, parse_seeds(None, seeds), rig, camera, pictures, out, tables, keep)
         wanted = check(grid)
-        if cluster and load_rig(rig).vehicle.kind == "hitl":
-            raise ConfigError(f'rig "{rig}" flies a firmware of this machine: leave out --cluster')
+        firmware = [name for name, one in rigs.items() if one.vehicle.kind == "hitl"]
+        if cluster and firmware:
+            raise ConfigError(f'rig "{firmware[0]}" flies a firmware of this machine: leave out --cluster')
     except (ConfigError, ContractError, ValueError) as error:
         raise fail(str(error), USAGE) from None
     interrupted, failures = False, 0

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.options import OK, Json, Keys, Out, Policy, Records, Rig, fail
+from hil.cli.options import OK, Json, Keys, Out, Policy, Records, ScenarioRig, fail
 
 
 def register(app: typer.Typer) -> None:
@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 
 def check(
     what: Annotated[str | None, typer.Argument(help="preflight, postflight, or a path to a .toml of your own")] = None,
-    rig: Rig = "sim",
+    rig: ScenarioRig = None,
     policy: Policy = None,
     scenario: Annotated[str, typer.Option(help="what is to be flown: the go is for its class only")] = "simple-i",
     own: Annotated[Path | None, typer.Option("--list", help="another list (.toml) in place of the named one")] = None,

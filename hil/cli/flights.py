@@ -33,7 +33,7 @@ class Request:
     port at which a live run is served to Foxglove (None: it is not)."""
 
     scenario: str
-    rig: str
+    rig: str | None  # None: the scenario's
     policy: str | None
     camera: str | None
     pictures: str
@@ -75,7 +75,7 @@ def plan_of(request: Request, seeds: Sequence[int]) -> Plan:
     if seeds[-1] > MAX_SEED:
         raise ConfigError(f"seed {seeds[-1]} is out of range: use 0 to {MAX_SEED}")
     if not plan.rig.simulated and not request.live:
-        raise ConfigError(f'rig "{request.rig}" has real devices, which keep real time: add --live')
+        raise ConfigError(f'rig "{plan.rig_name}" has real devices, which keep real time: add --live')
     if request.live:
         from hil.live.options import check_options
 
@@ -121,7 +121,7 @@ def fly_seeds(request: Request, plan: Plan, seeds: Sequence[int], listener: List
 
 def _clear(request: Request, plan: Plan) -> Clearance:
     return clear_to_arm(
-        request.rig, plan.rig, plan.policy_name, plan.scenario,
+        plan.rig_name, plan.rig, plan.policy_name, plan.scenario,
         folder=request.records, now=Moment.now(), override=request.override,
     )  # fmt: skip
 
@@ -138,7 +138,7 @@ def _fly_lockstep(
     with _feed(plan, seed, viewer) as feed:
         flight = fly(
             plan.scenario, plan.rig, plan.make_policy(), seed,
-            policy_name=plan.policy_name, rig_name=Path(request.rig).stem, pictures=request.pictures,
+            policy_name=plan.policy_name, rig_name=Path(plan.rig_name).stem, pictures=request.pictures,
             out=request.out, code=code, clearance=clearance.manifest(),
             progress=lambda now_ns, stage: listener.progress(seed, now_ns, stage), viewer=feed,
         )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from hil.cli.options import COULD_NOT_RUN, Camera, Json, Out, Policy, fail, parse_seeds
+from hil.cli.options import COULD_NOT_RUN, Camera, Json, Out, Policy, ScenarioRig, fail, parse_seeds
 
 
 def refly(
@@ -17,7 +17,7 @@ def refly(
     source: Annotated[
         Literal["any", "mocap", "truth", "wheels"], typer.Option(help="what the board's motion is taken from")
     ] = "any",
-    rig: Annotated[str, typer.Option(help="a simulated rig's name or a path to a .toml")] = "sim",
+    rig: ScenarioRig = None,
     camera: Camera = None,
     pictures: Annotated[
         Literal["preview", "all", "raw", "none"], typer.Option(help="which pictures to record")
@@ -55,7 +55,7 @@ def refly(
         )  # fmt: skip
         plan = plan_of(request, wanted)
         if not plan.rig.simulated:
-            raise ConfigError(f'rig "{rig}" has real devices: a recorded flight is flown again in simulation')
+            raise ConfigError(f'rig "{plan.rig_name}" has real devices: a recorded flight is flown again in simulation')
         score = first.score
     except (ConfigError, ContractError, RunError, ValueError) as error:
         raise fail(str(error)) from None

@@ -83,11 +83,10 @@ def run(
     from hil.cli.flights import Request, plan_of
     from kernel.toml_errors import ConfigError
     from policies.flying.contract import ContractError
-    from scenarios.spec import load
 
     try:
         request = Request(
-            scenario=scenario, rig=rig or load(scenario).rig, policy=policy, camera=camera, pictures=pictures, out=out,
+            scenario=scenario, rig=rig, policy=policy, camera=camera, pictures=pictures, out=out,
             records=records, override=override, live=live, remote=tuple(remote or ()), endpoint=endpoint, keys=keys,
             view=view, foxglove=foxglove_port if foxglove else None,
         )  # fmt: skip

@@ -76,7 +76,7 @@ def fly_live(
     run = new_run(
         out,
         scenario={**plan.scenario.model_dump(mode="json"), "name": plan.scenario.name},
-        rig={**plan.rig.model_dump(mode="json"), "name": Path(names["rig"]).stem},
+        rig={**plan.rig.model_dump(mode="json"), "name": Path(plan.rig_name).stem},
         seed=seed,
         host="live",
         policy=policy_identity(plan.policy_name),

@@ -17,6 +17,7 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
+from kernel.toml_errors import ConfigError
 from scenarios.spec import FOLDER, load
 
 SAMPLE_S = 2.0
@@ -149,10 +150,13 @@ def soak(scenario: str, minutes: float, out: Path, seed: int = 0) -> tuple[list[
     from hil.recording import provenance
 
     path = stretched(scenario, minutes, out)
-    names: dict[str, Any] = {"scenario": str(path.resolve()), "rig": "sim", "policy": None, "camera": None}
+    names: dict[str, Any] = {"scenario": str(path.resolve()), "rig": None, "policy": None, "camera": None}
+    plan = Plan(**names)
+    if not plan.rig.simulated:
+        raise ConfigError(f'rig "{plan.rig_name}" has real devices: a soak is all simulated')
     samples = Samples()
     live = fly_live(
-        Plan(**names), names, seed, pictures="preview", out=out, code=provenance.code(), progress=samples.stage,
+        plan, names, seed, pictures="preview", out=out, code=provenance.code(), progress=samples.stage,
         watch=lambda supervisor: samples.look({**supervisor.health, "supervisor": footprint()}, time.monotonic()),
     )  # fmt: skip
     verdicts = [judge(service, samples) for service, samples in sorted(samples.samples.items())]

@@ -26,7 +26,7 @@ class LiveSpec(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     scenario: str
-    rig: str
+    rig: str | None  # None: the scenario's
     policy: str | None
     camera: Literal["pictures", "model"] | None
     seed: int
