@@ -121,7 +121,8 @@ def fly(
         code=code,
         more={"clearance": dict(clearance or {})},
     )
-    scorer, watch, judge = Scorer(scenario, seed), _Watch(progress), flight_judge(scenario, rig)
+    scorer = Scorer(scenario, seed, rig.policy.knows == "camera")
+    watch, judge = _Watch(progress), flight_judge(scenario, rig)
     landing = Landing(simulation.nodes, judge, watched=bool(scenario.fault))
     state, lost, now_ns, wall = "failed", "", 0, time.perf_counter()
     try:

@@ -34,18 +34,19 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
     """Score, timing and class from the recording. A run that was interrupted or failed is no verdict on its policy; one
     that did not wait for the vehicle's landing has no class."""
     found: FlightClass | None = None
+    camera = plan.rig.policy.knows == "camera"
     aborted = ended.trouble or ("interrupted" if ended.interrupted else "")
     try:
         recording = Recording(run.recording)
         messages = list(recording.messages([t for t in _READ if "/perch/" + t in recording.topics]))
-        score = score_messages(plan.scenario, seed, messages, aborted)
+        score = score_messages(plan.scenario, seed, messages, aborted, camera)
         latency = latency_table(latencies(messages))
         if not ended.interrupted and (ended.trouble or plan.scenario.fault or not plan.rig.simulated):
             found = _class(recording, plan, ended.trouble or ended.failure)
             score = with_faults_said(score, found)
     except ReadError as error:
         ended.trouble = ended.trouble or str(error)
-        score, latency = score_messages(plan.scenario, seed, (), ended.trouble), {"count": 0}
+        score, latency = score_messages(plan.scenario, seed, (), ended.trouble, camera), {"count": 0}
     slot = plan.rig.camera
     table = {
         "ended": {"trouble": ended.trouble, "interrupted": ended.interrupted, "stage": ended.stage},

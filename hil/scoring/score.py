@@ -26,7 +26,8 @@ _NO_CONTACT = {REASONS[i] for i in (GROUND, WORKSPACE, TIMEOUT, INVALID)}
 class Metrics:
     """The paper's row, by the names of scenarios.paper.RealRow, and what else says how the attempt went.
 
-    m, m/s, s, Hz; impact_normal is negative into the board. None: no contact, or nothing to measure it on.
+    m, m/s, s, Hz; impact_normal is negative into the board. None: no contact, or nothing to measure it on, as
+    perception where no camera flies.
     """
 
     platform_speed: tuple[float, float] | None  # least and greatest, attempt's start to its end
@@ -37,7 +38,7 @@ class Metrics:
     normal_alignment_deg: float | None
     impact_normal: float | None
     impact_tangential: float | None
-    perception_desired_hz: float
+    perception_desired_hz: float | None
     perception_actual_hz: float | None  # pictures looked at, board seen or not
     perception_found_hz: float | None  # board poses published
     inclination_measured_deg: float | None
@@ -73,8 +74,9 @@ class Score:
 class Scorer:
     """Feed it every message (`scorer(now_ns, topic, message)`, a host's tap); ask `result` at any time."""
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
-        self._scenario, self._seed = scenario, seed
+    def __init__(self, scenario: Scenario, seed: int, camera: bool = True) -> None:
+        """`camera`: whether the board is seen by a camera, not known by motion capture."""
+        self._scenario, self._seed, self._camera = scenario, seed, camera
         self._start_ns = 0
         self._verdict: Contact | None = None
         self._last_ns = 0
@@ -162,9 +164,9 @@ class Scorer:
             normal_alignment_deg=math.degrees(contact.normal_error) if contact and touched else None,
             impact_normal=contact.normal_speed if contact and touched else None,
             impact_tangential=contact.tangential_speed if contact and touched else None,
-            perception_desired_hz=self._scenario.camera.rate,
+            perception_desired_hz=self._scenario.camera.rate if self._camera else None,
             perception_actual_hz=_rate([look[0] for look in looks]),
-            perception_found_hz=len(found) / duration if duration else None,
+            perception_found_hz=len(found) / duration if duration and self._camera else None,
             inclination_measured_deg=self._tilt.get(source),
             duration=duration,
             blind_time=(end - found[-1][0]) / 1e9 if found else None,
@@ -195,12 +197,13 @@ class Scorer:
         )
 
 
-def score_messages(scenario: Scenario, seed: int, messages: Any, aborted: str = "") -> Score:
+def score_messages(scenario: Scenario, seed: int, messages: Any, aborted: str = "", camera: bool = True) -> Score:
     """The score of a recording: `messages` as `hil.recording.reader.Recording.messages` gives them.
 
     `aborted`: why the run did not end by itself, if it did not and the recording may lack the event that says so.
+    `camera`: as for a `Scorer`.
     """
-    scorer = Scorer(scenario, seed)
+    scorer = Scorer(scenario, seed, camera)
     for log_ns, topic, message in messages:
         scorer(log_ns, topic, message)
     if aborted:

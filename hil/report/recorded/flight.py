@@ -186,7 +186,9 @@ def load(path: Path | str, ulog: Path | None = None) -> Recorded:
     name = folder.resolve().name if manifest else path.name
     ended = nested(live, "ended")
     aborted = str(ended.get("trouble") or ("interrupted" if ended.get("interrupted") else ""))
-    rescored = _rescored(scenario, int(manifest.get("seed") or 0), recording, aborted) if scenario else None
+    camera = nested(manifest, "rig", "policy").get("knows", "camera") == "camera"
+    seed = int(manifest.get("seed") or 0)
+    rescored = _rescored(scenario, seed, recording, aborted, camera) if scenario else None
     log = read_ulog(ulog) if ulog is not None else _log_in(folder, notes) if manifest else None
     clock = align(log, topics.get("vehicle/status"), topics.get("vehicle/odometry")) if log else None
     return Recorded(path, name, recording, manifest, score, scenario, topics, rescored, live, notes, log, clock)
@@ -206,8 +208,8 @@ def _log_in(folder: Path, notes: list[str]) -> PX4Log | None:
         return None
 
 
-def _rescored(scenario: Scenario, seed: int, recording: Recording, aborted: str) -> Score:
-    scorer = Scorer(scenario, seed)
+def _rescored(scenario: Scenario, seed: int, recording: Recording, aborted: str, camera: bool) -> Score:
+    scorer = Scorer(scenario, seed, camera)
     for log_ns, topic, message in scored_messages(recording):
         scorer(log_ns, topic, message)
     if aborted:

@@ -45,6 +45,14 @@ def flight(verdict=None, *, stages=True):
     return sorted(messages, key=lambda m: m[0])
 
 
+def test_flight_by_motion_capture_has_no_perception_rates():
+    messages = [m for m in flight(contact(CONTACT)) if m[1] != "board/detection"]
+    by_mocap = score_messages(load("crazyflie-wall"), 0, messages, camera=False).metrics
+    assert (by_mocap.perception_desired_hz, by_mocap.perception_actual_hz, by_mocap.perception_found_hz) == (None,) * 3
+    blind = score_messages(load("hard-i"), 0, messages).metrics
+    assert (blind.perception_desired_hz, blind.perception_actual_hz, blind.perception_found_hz) == (60.0, None, 0.0)
+
+
 def test_score_has_the_columns_of_the_published_row():
     score = score_messages(load("hard-i"), 7, flight(contact(CONTACT)))
     m = score.metrics
