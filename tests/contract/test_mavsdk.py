@@ -10,9 +10,9 @@ import time
 import pytest
 
 from hil.host.pytest_px4 import px4_sim  # noqa: F401  (the fixture starts the autopilot)
+from tests.contract.mavsdk_client import LIMIT_S, Connection, persist, wait
 from tests.paths import ROOT
 
-mavsdk = pytest.importorskip("mavsdk", reason="the package mavsdk is not installed")
 actions = pytest.importorskip("mavsdk.plugins.action")
 offboards = pytest.importorskip("mavsdk.plugins.offboard")
 telemetries = pytest.importorskip("mavsdk.plugins.telemetry")
@@ -20,48 +20,6 @@ AttitudeRate, PositionNedYaw = offboards.AttitudeRate, offboards.PositionNedYaw
 FlightMode = telemetries.FlightMode
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
-LIMIT_S = 60.0  # for what takes seconds on an idle machine
-
-
-def wait(condition, what):
-    until = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < until, f"no {what} within {LIMIT_S} s"
-        time.sleep(0.02)
-
-
-def persist(call):
-    """MAVSDK gives a command up after 1.5 s, which a busy machine may need."""
-    until = time.monotonic() + LIMIT_S
-    while True:
-        try:
-            return call()
-        except mavsdk.exceptions.MavsdkError as error:
-            if error.result.name not in ("TIMEOUT", "BUSY") or time.monotonic() > until:
-                raise
-
-
-class Connection:
-    """A MAVSDK client with the plugins of its examples."""
-
-    def __init__(self, url):
-        self.client = mavsdk.Mavsdk(
-            mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
-        )
-        self.plugins = []
-        try:
-            assert self.client.add_any_connection(url) == mavsdk.ConnectionResult.SUCCESS
-            self.system = self.client.first_autopilot(LIMIT_S)
-            assert self.system is not None, "MAVSDK did not discover the autopilot"
-            self.plugins = [kind(self.system) for kind in (actions.Action, offboards.Offboard, telemetries.Telemetry)]
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self):
-        for plugin in self.plugins:
-            plugin.destroy()
-        self.client.destroy()
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ kernel
 scenarios
 groundcar.motion groundcar.board groundcar.scout
 vehicle.quadrotor vehicle.camera vehicle.render vehicle.apriltag vehicle.mocap
-vehicle.px4 vehicle.px4.sim.rows vehicle.px4.sim vehicle.px4.hitl vehicle.px4.driver
+vehicle.px4 vehicle.px4.sim.rows vehicle.px4.sim.services vehicle.px4.sim vehicle.px4.hitl vehicle.px4.driver
 vehicle.crazyflie vehicle.crazyflie.sim vehicle.crazyflie.driver
 policies.task policies.estimation policies.prediction policies.guidance policies.planner policies.flying
 policies.environment policies.gym policies.teachers policies.baselines policies.evaluation

@@ -34,6 +34,12 @@ def geodetic(east: float, north: float) -> tuple[int, int]:
     return round(latitude * 1e7), round(longitude * 1e7)
 
 
+def local(latitude: float, longitude: float) -> tuple[float, float]:
+    """East and north (m) of the origin, of a latitude and a longitude in deg."""
+    scale = EARTH_RADIUS * math.cos(math.radians(ORIGIN_LATITUDE))
+    return math.radians(longitude - ORIGIN_LONGITUDE) * scale, math.radians(latitude - ORIGIN_LATITUDE) * EARTH_RADIUS
+
+
 @njit
 def air_pressure(altitude):
     """Pressure (Pa) at `altitude` (m above sea level) in PX4's standard atmosphere."""

@@ -49,12 +49,22 @@ class Auto(IntEnum):
 class Command(IntEnum):
     """Commands (MAV_CMD) that PX4 or its clients use here."""
 
+    NAV_WAYPOINT = 16
+    NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TIME = 19
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
     NAV_TAKEOFF = 22
+    NAV_LOITER_TO_ALT = 31
+    DO_ORBIT = 34
+    NAV_DELAY = 93
     DO_SET_MODE = 176
+    DO_JUMP = 177
+    DO_CHANGE_SPEED = 178
     DO_FLIGHTTERMINATION = 185
+    DO_REPOSITION = 192
     PREFLIGHT_REBOOT_SHUTDOWN = 246
+    MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
     INJECT_FAILURE = 420
     GET_MESSAGE_INTERVAL = 510
@@ -97,6 +107,28 @@ class BaseMode(IntEnum):
     HIL = 32
     MANUAL_INPUT = 64
     ARMED = 128
+
+
+class MissionState(IntEnum):
+    """MISSION_CURRENT.mission_state."""
+
+    NO_MISSION = 1
+    NOT_STARTED = 2
+    ACTIVE = 3
+    PAUSED = 4
+    COMPLETE = 5
+
+
+class MissionResult(IntEnum):
+    """MISSION_ACK.type."""
+
+    ACCEPTED = 0
+    ERROR = 1
+    UNSUPPORTED_FRAME = 2
+    UNSUPPORTED = 3
+    NO_SPACE = 4
+    INVALID = 5
+    CANCELLED = 15
 
 
 class Landed(IntEnum):
@@ -167,6 +199,7 @@ MISSION = custom_mode(Main.AUTO, Auto.MISSION)
 OFFBOARD = custom_mode(Main.OFFBOARD)
 ALTCTL = custom_mode(Main.ALTCTL)
 POSCTL = custom_mode(Main.POSCTL)
+ORBIT = custom_mode(Main.POSCTL, 1)
 
 
 def mode_name(custom: int) -> str:
@@ -177,7 +210,7 @@ def mode_name(custom: int) -> str:
     except ValueError:
         return f"UNKNOWN({main}.{sub})"
     if main != Main.AUTO:
-        return name
+        return "ORBIT" if custom == ORBIT else name
     try:
         return f"AUTO.{Auto(sub).name}"
     except ValueError:

@@ -211,6 +211,16 @@ class Px4Sim:
         """The magnet lets go; the vehicle leaves with the board's velocity."""
         self._grip.detach()
 
+    @property
+    def params(self) -> np.ndarray:
+        """The plant's params row (vehicle.quadrotor.airframe_row)."""
+        return self.flight.params
+
+    @property
+    def estimate_error(self) -> np.ndarray:
+        """The error row of the estimate (rows.estimate_error)."""
+        return self.estimator.error
+
     # -- faults ---------------------------------------------------------------------------------------------------
 
     def fail_motor(self, motor: int, remaining: float = 0.0) -> None:
@@ -218,6 +228,10 @@ class Px4Sim:
         if not (0 <= motor < 4 and 0.0 <= remaining <= 1.0):
             raise ValueError(f"motor {motor} with {remaining} of its thrust: give a motor 0..3 and a share 0..1")
         self.flight.situation[situation.HEALTH + motor] = remaining
+
+    def drain(self) -> None:
+        """The battery is empty now."""
+        self.flight.discharge = 1.0
 
     def set_gps(self, enabled: bool) -> None:
         """Switch GPS reception off or on."""

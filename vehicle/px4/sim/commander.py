@@ -1,17 +1,17 @@
-"""PX4's commander: commands and their results, arming, modes, automatic disarming. Runs every 10 ms of PX4 time."""
+"""PX4's commander: arming, modes, automatic disarming. Runs every 10 ms of PX4 time."""
 
 from __future__ import annotations
 
-import math
-
 from vehicle.px4 import protocol as px4
-from vehicle.px4.protocol import Command as Cmd
 from vehicle.px4.protocol import Main, Result
 from vehicle.px4.sim.cascade import reset_cascade
+from vehicle.px4.sim.commands import Commands
 from vehicle.px4.sim.failsafe import Failsafe
 from vehicle.px4.sim.landing import LandDetector
+from vehicle.px4.sim.manual import Manual
 from vehicle.px4.sim.navigator import Navigator
 from vehicle.px4.sim.offboard import Offboard
+from vehicle.px4.sim.orbit import Orbit
 from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Command, Flight
 from vehicle.quadrotor.rate_control import reset_rate_control
@@ -28,12 +28,14 @@ _TITLES = {
     px4.TAKEOFF: "Takeoff",
     px4.LAND: "Land",
     px4.RTL: "Return",
+    px4.ORBIT: "Orbit",
     px4.custom_mode(Main.MANUAL): "Manual",
     px4.custom_mode(Main.ACRO): "Acro",
     px4.custom_mode(Main.STABILIZED): "Stabilized",
 }
-_AUTO = (px4.HOLD, px4.TAKEOFF, px4.LAND, px4.RTL)
-_NOT_FOR_ARMING = (px4.LAND, px4.RTL)  # nor restored after a landing
+_AUTO = (px4.HOLD, px4.TAKEOFF, px4.LAND, px4.RTL, px4.MISSION)
+_NOT_FOR_ARMING = (px4.LAND, px4.RTL, px4.ORBIT)  # nor restored after a landing
+_ARMING_REASONS = {"external command": 4, "mission start": 5}  # of PX4's event
 
 
 class Commander:
@@ -47,6 +49,8 @@ class Commander:
         self.offboard = Offboard(flight)
         self.landing = LandDetector(flight)
         self.failsafe = Failsafe(flight, self)
+        self.orbit, self.manual = Orbit(flight), Manual(flight)
+        self._commands = Commands(flight, self, self.navigator, self.orbit)
 
     # -- what can run ---------------------------------------------------------------------------------------------
 
@@ -55,7 +59,16 @@ class Commander:
         flight = self._flight
         if mode == px4.OFFBOARD:
             return flight.stream_fresh() and (flight.setpoint.kind != "position" or flight.position_valid)
-        return mode in _AUTO and flight.position_valid
+        if mode in (px4.POSCTL, px4.ALTCTL):
+            return self.sticks and (mode == px4.ALTCTL or flight.position_valid)
+        if mode == px4.MISSION and not flight.plan.mission:
+            return False
+        return mode in (*_AUTO, px4.ORBIT) and flight.position_valid
+
+    @property
+    def sticks(self) -> bool:
+        """Whether a pilot's sticks are received."""
+        return self.manual.fresh
 
     def can_arm(self) -> bool:
         """True if arming in the selected mode would be allowed."""
@@ -100,7 +113,7 @@ class Commander:
             flight.ready = True
         queue, self.queue = self.queue, []
         for command in queue:
-            self._execute(command)
+            self._commands.execute(command)
         self.landing.update()
         self._disarm_by_itself()
         self.failsafe.update()
@@ -109,6 +122,10 @@ class Commander:
             self._choose(following)
         if flight.active == px4.OFFBOARD:
             self.offboard.apply()
+        elif flight.active == px4.ORBIT:
+            self.orbit.update()
+        elif flight.active == px4.POSCTL or (flight.active == px4.ALTCTL and self.sticks):
+            self.manual.update()
         elif px4.split_custom_mode(flight.active)[0] not in (Main.AUTO, Main.ALTCTL):
             flight.control[control.MODE] = control.OFF
 
@@ -144,6 +161,8 @@ class Commander:
         self.navigator.enter(mode)
         if mode == px4.OFFBOARD and previous != mode:
             self.offboard.enter()
+        elif mode in (px4.POSCTL, px4.ALTCTL):
+            self.manual.enter()
 
     def request_mode(self, custom: int) -> tuple[int, str]:
         """A user's request for a mode: PX4's result and text."""
@@ -155,10 +174,10 @@ class Commander:
             return Result.TEMPORARILY_REJECTED, ""
         if main == Main.AUTO:
             mode = px4.custom_mode(main, sub) if sub else px4.MISSION
-            if mode not in (*_AUTO, px4.MISSION):
+            if mode not in _AUTO:
                 return Result.TEMPORARILY_REJECTED, "Unsupported auto mode\t"
         else:
-            mode = px4.custom_mode(main)
+            mode = custom if custom == px4.ORBIT else px4.custom_mode(main)
         if flight.armed and not self.can_run(mode):
             return Result.TEMPORARILY_REJECTED, f"Switching to {_TITLES[mode]} is currently not available\t"
         self._choose(mode)
@@ -166,11 +185,15 @@ class Commander:
 
     # -- arming ---------------------------------------------------------------------------------------------------
 
-    def _arm(self) -> int:
+    def arm(self, by: str) -> int:
+        """Arm if the checks pass; `by`: who asks, for the text. Returns the Result."""
         flight = self._flight
         if flight.armed:
             return Result.ACCEPTED
         if flight.now_s < SILENT_BOOT_S:
+            return Result.TEMPORARILY_REJECTED
+        if flight.intended in (px4.POSCTL, px4.ALTCTL) and self.sticks and self.manual.above_centre:
+            flight.text(2, "Arming denied: throttle above center\t")
             return Result.TEMPORARILY_REJECTED
         if not self.can_arm():
             if flight.terminated:
@@ -184,7 +207,9 @@ class Commander:
         reset_rate_control(flight.row)
         reset_cascade(flight.control, flight.estimate)
         self.navigator.enter(flight.active)
-        flight.text(6, "Armed by external command\t", 0x0190CAF3, b"\x04")
+        self.manual.enter()
+        reason = _ARMING_REASONS[by]
+        flight.text(6, f"Armed by {by}\t", 0x0190CAF3, bytes((reason,)))
         return Result.ACCEPTED
 
     def disarm(self, text: str, reason: int) -> None:
@@ -208,79 +233,3 @@ class Commander:
         flight.active = px4.custom_mode(Main.MANUAL)
         flight.control[control.MODE] = control.OFF
         flight.text(2, "Failsafe activated\t", 0x01DEDBD0)
-
-    # -- commands -------------------------------------------------------------------------------------------------
-
-    def _execute(self, command: Command) -> None:
-        """Carry a command out; the acknowledgement is sent before any text, as PX4 does."""
-        flight = self._flight
-        texts: list[tuple] = []
-        send_text, flight.text = flight.text, lambda *text: texts.append(text)
-        try:
-            result = self._carry_out(command)
-        finally:
-            flight.text = send_text
-        if result is not None:
-            flight.acknowledge(command, int(result))
-        for text in texts:
-            send_text(*text)
-
-    def _carry_out(self, command: Command) -> int | None:
-        """The result, or None where PX4 sends no acknowledgement."""
-        flight = self._flight
-        p1, p2 = command.params[0], command.params[1]
-        result: int | None = Result.UNSUPPORTED
-        text = ""
-        if command.number == Cmd.COMPONENT_ARM_DISARM:
-            result = self._arm_command(p1, p2)
-        elif command.number == Cmd.DO_SET_MODE:
-            result, text = Result.TEMPORARILY_REJECTED, ""
-            if _integer(p1) & px4.SET_MODE_FLAG:
-                sub = _integer(command.params[2])
-                result, text = self.request_mode(px4.custom_mode(_integer(p2) & 0xFF, sub & 0xFF))
-        elif command.number == Cmd.NAV_TAKEOFF:
-            result, text = self.request_mode(px4.TAKEOFF)
-            if result == Result.ACCEPTED and flight.armed and math.isnan(command.params[6]):
-                altitude = float(flight.parameters["MIS_TAKEOFF_ALT"])
-                text = f"Using default takeoff altitude: {altitude:.1f} m\t"
-        elif command.number == Cmd.NAV_LAND:
-            result, text = self.request_mode(px4.LAND)
-            if result == Result.ACCEPTED and flight.armed:
-                text = "Landing at current position\t"
-        elif command.number == Cmd.NAV_RETURN_TO_LAUNCH:
-            result, text = self.request_mode(px4.RTL)
-        elif command.number == Cmd.DO_FLIGHTTERMINATION:
-            result = self._termination_command(p1)
-        elif command.number == Cmd.PREFLIGHT_REBOOT_SHUTDOWN:
-            result = Result.DENIED
-        if text:
-            severity = 6 if result == Result.ACCEPTED else 2
-            event = {"Landing": 0x0132B2DE, "Using d": 0x013B2FC7}.get(text[:7])
-            flight.text(severity, text, event)
-        return result
-
-    def _arm_command(self, p1: float, p2: float) -> int | None:
-        flight = self._flight
-        if p1 not in (0.0, 1.0):
-            flight.text(2, f"Unsupported ARM_DISARM param: {p1:.3f}\t")
-            return None
-        if p1 == 1.0:
-            return self._arm()
-        if not flight.armed:
-            return Result.ACCEPTED
-        if not flight.landed and _integer(p2) != px4.FORCE_MAGIC:
-            flight.text(2, "Disarming denied: not landed\t")
-            return Result.TEMPORARILY_REJECTED
-        self.disarm("Disarmed by external command\t", 4)
-        return Result.ACCEPTED
-
-    def _termination_command(self, p1: float) -> int:
-        if not (self._flight.armed and p1 > 0.5):
-            return Result.TEMPORARILY_REJECTED
-        self.terminate()
-        return Result.ACCEPTED
-
-
-def _integer(value: float) -> int:
-    """A command parameter as PX4 casts it; NaN is 0."""
-    return int(value) if math.isfinite(value) else 0

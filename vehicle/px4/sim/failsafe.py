@@ -15,7 +15,13 @@ RETURN_S = 0.028  # of resumed stream before OFFBOARD runs again (recorded: 28-4
 FLIGHTTERM_OFF = 121212  # CBRK_FLIGHTTERM
 
 
+_NEED_POSITION = (px4.HOLD, px4.TAKEOFF, px4.LAND, px4.RTL, px4.MISSION, px4.ORBIT, px4.POSCTL)
+
+
 class _Modes(Protocol):
+    @property
+    def sticks(self) -> bool: ...
+
     def activate(self, mode: int) -> None: ...
 
     def disarm(self, text: str, reason: int) -> None: ...
@@ -30,13 +36,13 @@ class Failsafe:
 
     def __init__(self, flight: Flight, commander: _Modes) -> None:
         self._flight, self._commander = flight, commander
-        self._tipped_ns = -1
+        self._tipped_ns = self._stickless_ns = -1
 
     def update(self) -> None:
         """One run."""
         flight = self._flight
         if flight.terminated or not flight.armed:
-            self._tipped_ns = -1
+            self._tipped_ns = self._stickless_ns = -1
             if not flight.terminated and flight.active != flight.intended:
                 self._commander.activate(flight.intended)
             return
@@ -45,7 +51,9 @@ class Failsafe:
             return
         if flight.intended == px4.OFFBOARD:
             self._watch_stream()
-        if flight.active in (px4.HOLD, px4.TAKEOFF, px4.LAND, px4.RTL) and not flight.position_valid:
+        elif flight.intended in (px4.POSCTL, px4.ALTCTL):
+            self._watch_sticks()
+        if flight.active in _NEED_POSITION and not flight.position_valid:
             self._fail(px4.ALTCTL)
 
     def _watch_stream(self) -> None:
@@ -61,6 +69,25 @@ class Failsafe:
             if running >= RETURN_S * 1e9 and self._commander.can_run(px4.OFFBOARD):
                 flight.failsafe = False
                 self._commander.activate(px4.OFFBOARD)
+
+    def _watch_sticks(self) -> None:
+        """Without sticks: Hold for COM_FAIL_ACT_T, then what NAV_RCL_ACT says; with them again, the pilot's mode."""
+        flight, p = self._flight, self._flight.parameters
+        if self._commander.sticks:
+            self._stickless_ns = -1
+            if flight.failsafe and self._commander.can_run(flight.intended):
+                flight.failsafe = False
+                self._commander.activate(flight.intended)
+        elif self._stickless_ns < 0:
+            self._stickless_ns = flight.now_ns
+            flight.text(2, "Manual control lost\t")
+            self._fail(px4.HOLD)
+        elif flight.active == px4.HOLD and p["NAV_RCL_ACT"] != 1 and self._held_long_enough():  # 1: it stays in Hold
+            self._react_to_loss(0)
+
+    def _held_long_enough(self) -> bool:
+        flight = self._flight
+        return flight.now_ns - self._stickless_ns >= flight.parameters["COM_FAIL_ACT_T"] * 1e9
 
     def _react_to_loss(self, action: int) -> None:
         if action in (0, 1, 2):  # a manual mode, for which there is no RC: NAV_RCL_ACT decides

@@ -67,9 +67,10 @@ class LandDetector:
             self._land(announce=True)
 
     def _descending(self) -> bool:
-        """Whether a velocity set-point asks for a descent faster than what counts as standing."""
+        """Whether a velocity set-point or a stick asks for a descent faster than what counts as standing."""
         flight = self._flight
-        if flight.active != px4.OFFBOARD or flight.setpoint.kind != "position":
+        by_setpoint = flight.active == px4.OFFBOARD and flight.setpoint.kind == "position"
+        if not by_setpoint and flight.active not in (px4.POSCTL, px4.ALTCTL):
             return False
         down = -float(flight.control[control.VEL_SP + 2])
         return down >= 1.1 * float(flight.parameters["LNDMC_Z_VEL_MAX"])

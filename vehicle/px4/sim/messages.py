@@ -11,6 +11,23 @@ from vehicle.px4.sim.port import Port
 from vehicle.px4.sim.view import View
 
 NAN = float("nan")
+CAPABILITIES, FLIGHT_VERSION, UID = 59647, 17891583, 5283920058631409231
+GIT_HASH = bytes.fromhex("d6f12ad1c4f70000")  # of the release
+CUSTOM_VERSION = bytes(3) + GIT_HASH[4::-1]  # its first 5 bytes, the least one first, after a vendor version of 0.0.0
+MODES = (  # MAV_STANDARD_MODE, custom mode, name
+    (0, px4.custom_mode(px4.Main.MANUAL), "Manual"),
+    (0, px4.ALTCTL, "Altitude"),
+    (1, px4.POSCTL, "Position"),
+    (6, px4.MISSION, "Mission"),
+    (0, px4.HOLD, "Hold"),
+    (5, px4.RTL, "Return"),
+    (8, px4.TAKEOFF, "Takeoff"),
+    (7, px4.LAND, "Land"),
+    (0, px4.custom_mode(px4.Main.ACRO), "Acro"),
+    (0, px4.OFFBOARD, "Offboard"),
+    (0, px4.custom_mode(px4.Main.STABILIZED), "Stabilized"),
+)
+STANDARD_MODES = {custom: standard for standard, custom, _ in MODES} | {px4.ORBIT: 2}
 _ZERO20 = (0,) * 20
 
 
@@ -73,7 +90,30 @@ def servo_output_raw(v: View, port: Port) -> None:
 
 
 def mission_current(v: View, port: Port) -> None:
-    port.send(M["MISSION_CURRENT"], 0, 65535, 1, 2)
+    flight, plan = v.flight, v.flight.plan
+    active = flight.active in (px4.MISSION, px4.TAKEOFF, px4.LAND)
+    state = px4.MissionState.NOT_STARTED
+    if not plan.mission:
+        state = px4.MissionState.NO_MISSION
+    elif plan.finished:
+        state = px4.MissionState.COMPLETE
+    elif active:
+        state = px4.MissionState.ACTIVE
+    elif plan.reached >= 0:
+        state = px4.MissionState.PAUSED
+    port.send(M["MISSION_CURRENT"], plan.current, len(plan.mission) or 65535, int(state), 1 if active else 2)
+
+
+def autopilot_version(port: Port) -> None:
+    """AUTOPILOT_VERSION of the release."""
+    version = (CAPABILITIES, FLIGHT_VERSION, FLIGHT_VERSION, 0, 0)
+    port.send(M["AUTOPILOT_VERSION"], *version, CUSTOM_VERSION, CUSTOM_VERSION, (0,) * 8, 0, 0, UID, (0,) * 18)
+
+
+def available_modes(port: Port) -> None:
+    """AVAILABLE_MODES, one message a mode."""
+    for index, (standard, custom, name) in enumerate(MODES, 1):
+        port.send_name("AVAILABLE_MODES", len(MODES), index, standard, custom, 0, name)
 
 
 def timesync(v: View, port: Port) -> None:
@@ -113,8 +153,7 @@ def current_event_sequence(v: View, port: Port) -> None:
 
 def current_mode(v: View, port: Port) -> None:
     flight = v.flight
-    standard = {px4.HOLD: 0, px4.TAKEOFF: 8, px4.RTL: 5, px4.LAND: 7}.get(flight.active, 0)
-    port.send(M["CURRENT_MODE"], standard, flight.active, flight.intended)
+    port.send(M["CURRENT_MODE"], STANDARD_MODES.get(flight.active, 0), flight.active, flight.intended)
 
 
 def gnss_integrity(v: View, port: Port) -> None:

@@ -196,6 +196,15 @@ def time_estimate(v: View, port: Port) -> None:
     port.send(M["TIME_ESTIMATE_TO_TARGET"], seconds, -1, -1, -1, -1)
 
 
+def orbit_execution_status(v: View, port: Port) -> None:
+    flight, orbit = v.flight, v.commander.orbit
+    if flight.active != px4.ORBIT or not flight.global_valid:
+        return
+    x, y, z = orbit.centre.tolist()
+    lat, lon = flight.geodetic(x, y)
+    port.send(M["ORBIT_EXECUTION_STATUS"], v.us, orbit.radius, 0, lat, lon, flight.altitude(z))
+
+
 def hil_state_quaternion(v: View, port: Port) -> None:
     """SIH's ground truth; its time_usec is 0 on a real PX4 too."""
     t = v.truth_ned()

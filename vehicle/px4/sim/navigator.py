@@ -1,4 +1,4 @@
-"""What PX4's AUTO modes do: hold, take-off ramp, land, return. Writes set-points into the control row."""
+"""What PX4's AUTO modes do: hold, take-off, land, return, mission. Writes set-points into the control row."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from kernel.rotations import yaw
 from vehicle.px4 import protocol as px4
 from vehicle.px4.sim.cascade import reset_cascade
+from vehicle.px4.sim.mission_flight import MissionFlight
 from vehicle.px4.sim.rows import control, situation
 from vehicle.px4.sim.state import Flight
-from vehicle.quadrotor.airframe import GRAVITY
+from vehicle.px4.sim.takeoff import RAMP_DELAY_NS, spooled_up, takeoff_ramp
 
 CRAWL_HEIGHT = 0.75  # m above ground; below it the descent is limited to MPC_LAND_CRWL (recorded)
 CLIMB_SHARE = 0.5  # of MPC_TKO_SPEED, where the ceiling of take-offs ends (recorded and measured)
-RAMP_DELAY_NS = 60_000_000  # before the take-off ramp moves (recorded)
 RTL_DESCENT_SHARE = 0.86  # of MPC_LAND_SPEED at which recorded returns descend at their end
 RTL_ANNOUNCE_S = 0.055
 RTL_RETURN_S = 2.4  # of hovering before "land at destination" when home is near (recorded)
@@ -27,6 +27,8 @@ class Navigator:
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
         self._target = np.zeros(3)
+        self._mission = MissionFlight(flight, self._target)
+        self._leg = False  # in Hold: on the way to a place that a client asked for
         self._takeoff_ns = -1
         self._keep_target = False  # Hold after take-off keeps the take-off altitude
         self._phase = ""
@@ -36,7 +38,7 @@ class Navigator:
         """The mode has just become active."""
         flight, c = self._flight, self._flight.control
         flight.landing = False
-        self._phase, self._announced = "", False
+        self._phase, self._announced, self._leg = "", False, False
         if px4.split_custom_mode(mode)[0] not in (px4.Main.AUTO, px4.Main.ALTCTL):
             return
         if c[control.MODE] != control.POSITION:
@@ -58,6 +60,21 @@ class Navigator:
             self._target[:] = (x, y, max(z, base + float(flight.parameters["MIS_TAKEOFF_ALT"])))
         if mode == px4.RTL:
             self._phase = "return"
+        if mode == px4.MISSION:
+            self._mission.enter()
+
+    def reposition(self, place: tuple[float, float], height: float, heading: float) -> None:
+        """Hold there instead: m, world, rad; what is NaN stays. No effect on the ground."""
+        flight = self._flight
+        if flight.active != px4.HOLD or not flight.armed or flight.landed:
+            return
+        self._leg = True
+        if not any(map(math.isnan, place)):
+            self._target[:2] = place
+        if not math.isnan(height):
+            self._target[2] = height
+        if not math.isnan(heading):
+            flight.control[control.YAW_SP] = heading
 
     def update(self) -> int | None:
         """Refresh the set-points; returns the mode that follows when the present one is complete, else None."""
@@ -66,6 +83,10 @@ class Navigator:
         main = px4.split_custom_mode(mode)[0]
         if main not in (px4.Main.AUTO, px4.Main.ALTCTL):
             return None
+        following = self._mission.update() if mode == px4.MISSION else None
+        if following is not None:
+            self._keep_target = following == px4.HOLD
+            return following
         c[control.MODE] = control.POSITION if flight.armed and not self._idle() else control.OFF
         c[control.MAX_XY], c[control.MAX_TILT] = p["MPC_XY_CRUISE"], math.radians(p["MPC_TILTMAX_AIR"])
         c[control.MAX_UP], c[control.MAX_DOWN] = p["MPC_Z_V_AUTO_UP"], p["MPC_Z_V_AUTO_DN"]
@@ -82,17 +103,48 @@ class Navigator:
             self._descend()
         elif mode == px4.RTL:
             self._return_home()
+        elif mode == px4.MISSION:
+            self._fly_mission()
+        elif self._leg:
+            c[control.MAX_XY] = self._cruise(math.nan)
         return None
+
+    def _fly_mission(self) -> None:
+        c, mission = self._flight.control, self._mission
+        c[control.YAW_SP], c[control.MAX_XY] = mission.heading, self._cruise(mission.cruise)
+        if mission.rising:
+            self._rise()
+            return
+        c[control.RAMP] = math.inf
+        if mission.landing:
+            self._descend()
+
+    def _cruise(self, wanted: float) -> float:
+        """Speed (m/s) toward the target: MPC_XY_CRUISE or `wanted`, braking in time for its end."""
+        p, (x, y, _) = self._flight.parameters, self._flight.position
+        left = math.hypot(self._target[0] - x, self._target[1] - y)
+        most = float(p["MPC_XY_CRUISE"]) if math.isnan(wanted) else min(wanted, float(p["MPC_XY_VEL_MAX"]))
+        return min(most, braking_speed(left, float(p["MPC_ACC_HOR"]), p["MPC_JERK_AUTO"]))
 
     def _idle(self) -> bool:
         """On the ground without a take-off, or thrust cut after ground contact."""
         flight = self._flight
         if flight.landed:
-            return flight.active != px4.TAKEOFF or not spooled_up(flight)
+            rising = flight.active == px4.TAKEOFF or (flight.active == px4.MISSION and self._mission.rising)
+            return not (rising and spooled_up(flight))
         cut_s = 0.7 * float(flight.parameters["LNDMC_TRIG_TIME"])
         return flight.contact and flight.now_ns - flight.contact_ns > cut_s * 1e9
 
     def _take_off(self) -> int | None:
+        flight = self._flight
+        self._rise()
+        if flight.took_off and flight.position[2] > self._target[2] - float(flight.parameters["NAV_MC_ALT_RAD"]):
+            self._keep_target = True
+            return px4.HOLD
+        return None
+
+    def _rise(self) -> None:
+        """Leave the ground, and climb to the target's height."""
         flight, c, p = self._flight, self._flight.control, self._flight.parameters
         if flight.took_off and self._takeoff_ns < 0:
             c[control.RAMP] = math.inf  # take-off commanded in the air
@@ -103,10 +155,6 @@ class Navigator:
                 reset_cascade(c, flight.estimate)
             c[control.RAMP] = takeoff_ramp(flight, self._takeoff_ns, CLIMB_SHARE * float(p["MPC_TKO_SPEED"]))
             c[control.MAX_UP] = self._climb_rate(self._takeoff_ns + RAMP_DELAY_NS)
-        if flight.took_off and flight.position[2] > self._target[2] - float(p["NAV_MC_ALT_RAD"]):
-            self._keep_target = True
-            return px4.HOLD
-        return None
 
     def _climb_rate(self, since_ns: int) -> float:
         """Of PX4's trajectory to the take-off altitude (m/s): slow below MPC_LAND_ALT1, braking in time for its end."""
@@ -153,20 +201,6 @@ class Navigator:
                     flight.text(6, "RTL: land at destination\t", 0x0102D3AA)
         if self._phase == "land":
             self._descend(RTL_DESCENT_SHARE)
-
-
-def spooled_up(flight: Flight) -> bool:
-    """True once the motors have idled for COM_SPOOLUP_TIME after arming."""
-    return flight.now_ns - flight.armed_ns >= flight.parameters["COM_SPOOLUP_TIME"] * 1e9
-
-
-def takeoff_ramp(flight: Flight, started_ns: int, end: float) -> float:
-    """Ceiling of the climb rate (m/s): from where its thrust is zero up to `end` in MPC_TKO_RAMP_T; then inf."""
-    p = flight.parameters
-    started_ns += RAMP_DELAY_NS
-    start = -GRAVITY / float(flight.control[control.Z_VEL_P])
-    share = (flight.now_ns - started_ns) * 1e-9 / max(0.1, float(p["MPC_TKO_RAMP_T"]))
-    return math.inf if share >= 1.0 else start + max(0.0, share) * (end - start)
 
 
 def braking_speed(distance: float, acceleration: float, jerk: float) -> float:

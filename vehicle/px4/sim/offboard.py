@@ -9,9 +9,9 @@ from kernel.rotations import from_euler, normalise, rotate, swap_attitude, swap_
 from vehicle.px4 import protocol as px4
 from vehicle.px4.protocol import AttitudeMask, PositionMask
 from vehicle.px4.sim.cascade import reset_cascade
-from vehicle.px4.sim.navigator import spooled_up, takeoff_ramp
 from vehicle.px4.sim.rows import control
 from vehicle.px4.sim.state import Flight
+from vehicle.px4.sim.takeoff import TakeOff
 
 Vec3 = tuple[float, float, float]
 
@@ -22,7 +22,7 @@ class Offboard:
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
         self._values: tuple[Any, ...] = ()
-        self._ramp_ns = -1
+        self._takeoff = TakeOff(flight)
         self.rejected = 0  # set-points with a mask or frame that PX4 ignores, or that are not finite
 
     def attitude_target(self, m: Any) -> None:
@@ -113,7 +113,7 @@ class Offboard:
         c = self._flight.control
         c[control.MODE], c[control.RAMP], c[control.SMOOTH] = control.OFF, math.inf, 0.0
         c[control.POS_SP : control.YAW_RATE_SP + 1] = math.nan
-        self._ramp_ns = -1
+        self._takeoff.reset()
 
     def apply(self) -> None:
         """Write the newest set-point, if any, into the control row."""
@@ -141,18 +141,7 @@ class Offboard:
         c[control.ACC_SP : control.ACC_SP + 3] = acceleration
         c[control.MAX_XY], c[control.MAX_TILT] = p["MPC_XY_VEL_MAX"], math.radians(p["MPC_TILTMAX_AIR"])
         c[control.MAX_UP], c[control.MAX_DOWN], c[control.SMOOTH] = p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"], 0.0
-        c[control.RAMP], c[control.MODE] = math.inf, control.POSITION
-        if flight.landed and self._ramp_ns < 0:
-            if not (spooled_up(flight) and self._wants_up(position[2], velocity[2], acceleration[2])):
-                c[control.MODE] = control.OFF
-                return
-            self._ramp_ns = flight.now_ns
-        elif flight.contact:
-            c[control.MODE] = control.OFF
-        if self._ramp_ns >= 0:
-            c[control.RAMP] = takeoff_ramp(flight, self._ramp_ns, float(p["MPC_Z_VEL_MAX_UP"]))
-            if math.isinf(c[control.RAMP]) and not flight.landed:
-                self._ramp_ns = -1
+        self._takeoff.apply(self._wants_up(position[2], velocity[2], acceleration[2]))
 
     def _wants_up(self, height: float, climb: float, acceleration: float) -> bool:
         """Whether a set-point asks for a take-off; NaN where it says nothing."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from kernel.rotations import yaw
@@ -12,15 +13,17 @@ from vehicle.px4.codec import MESSAGES as M
 from vehicle.px4.codec import Frame
 from vehicle.px4.protocol import Command as Cmd
 from vehicle.px4.protocol import Result
+from vehicle.px4.sim.messages import GIT_HASH, autopilot_version, available_modes
 from vehicle.px4.sim.motion_messages import gps_global_origin
 from vehicle.px4.sim.params import HASH_NAME, NO_INDEX, UINT32, Parameters
 from vehicle.px4.sim.port import Port
+from vehicle.px4.sim.services.files import GENERAL, crc, metadata
+from vehicle.px4.sim.services.ftp import Ftp
+from vehicle.px4.sim.services.logs import Logs
+from vehicle.px4.sim.services.missions import Missions
 from vehicle.px4.sim.state import Command
 from vehicle.px4.sim.view import View
 
-CAPABILITIES, FLIGHT_VERSION, UID = 59647, 17891583, 5283920058631409231
-GIT_HASH = bytes.fromhex("d6f12ad1c4f70000")  # of the release
-CUSTOM_VERSION = bytes(3) + GIT_HASH[4::-1]  # its first 5 bytes, the least one first, after a vendor version of 0.0.0
 TIMESYNC_GARBAGE = (32, 137)  # PX4 leaves the targets of its answers uninitialised
 _HANDLED_HERE = (
     Cmd.SET_MESSAGE_INTERVAL,
@@ -30,6 +33,7 @@ _HANDLED_HERE = (
     Cmd.REQUEST_AUTOPILOT_CAPABILITIES,
 )
 _NOT_ON_REQUEST = (436,)
+INT_OF_NAN, NO_PLACE = 0x7FF80000, 0x7FFFFFFF  # COMMAND_INT.x and y
 
 
 class Receiver:
@@ -54,7 +58,14 @@ class Receiver:
             "PARAM_SET": self._param_set,
             "ODOMETRY": self._odometry,
             "VISION_POSITION_ESTIMATE": self._vision,
+            "MANUAL_CONTROL": self._manual_control,
         }
+        flight = self._flight
+        defaults = dict(flight.parameters.values)
+        self._files = cache(lambda: metadata(defaults.items()))
+        self._missions = Missions(flight.plan, lambda: flight.now_ns, lambda *text: flight.text(*text), ports.values())
+        self._ftp = Ftp(self._files)
+        self._handlers |= self._missions.handlers | self._ftp.handlers | Logs().handlers
 
     @property
     def _parameters(self) -> Parameters:
@@ -84,7 +95,9 @@ class Receiver:
                 other.send_raw(frame.raw)
 
     def update(self) -> None:
-        """Send changed parameters on all links, some ms after the change."""
+        """Send changed parameters on all links, some ms after the change; go on with transfers."""
+        self._missions.update()
+        self._ftp.update()
         while self._echo and self._echo[0][0] <= self._flight.now_ns:
             _, name = self._echo.pop(0)
             for port in self._ports.values():
@@ -116,13 +129,21 @@ class Receiver:
             return
         self._view.estimator.vision((m.x, m.y, m.z), m.yaw, True)
 
+    def _manual_control(self, port: Port, frame: Frame, m: Any) -> None:
+        if m.target in (0, px4.PX4_SYSTEM):
+            self._commander.manual.receive(m)
+
     # -- commands -------------------------------------------------------------------------------------------------
 
     def _command_long(self, port: Port, frame: Frame, m: Any) -> None:
         self._command(port, frame, m.command, tuple(m[i] for i in range(len(m) - 7, len(m))))
 
     def _command_int(self, port: Port, frame: Frame, m: Any) -> None:
-        self._command(port, frame, m.command, (m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z))
+        if m.x == m.y == INT_OF_NAN:  # a NaN that was sent as an integer
+            self.acknowledge(Command(port.name, frame.system, frame.component, m.command, ()), Result.DENIED)
+            return
+        place = (math.nan, math.nan) if m.x == m.y == NO_PLACE else (m.x / 1e7, m.y / 1e7)
+        self._command(port, frame, m.command, (m.param1, m.param2, m.param3, m.param4, *place, m.z))
 
     def _command(self, port: Port, frame: Frame, number: int, params: tuple[float, ...]) -> None:
         command = Command(port.name, frame.system, frame.component, number, params)
@@ -165,14 +186,14 @@ class Receiver:
     def _request(self, port: Port, id: int) -> int:
         flight = self._flight
         if id == 148:
-            version = (CAPABILITIES, FLIGHT_VERSION, FLIGHT_VERSION, 0, 0)
-            port.send(M["AUTOPILOT_VERSION"], *version, CUSTOM_VERSION, CUSTOM_VERSION, (0,) * 8, 0, 0, UID, (0,) * 18)
+            autopilot_version(port)
         elif id == 300:
             port.send(M["PROTOCOL_VERSION"], 200, 100, 203, GIT_HASH, (0,) * 8)
         elif id == 397:
-            port.send_name("COMPONENT_METADATA", self._view.ms, 0, "mftp://etc/extras/component_general.json.xz")
+            general = self._files()[GENERAL]
+            port.send_name("COMPONENT_METADATA", self._view.ms, crc(general), f"mftp://{GENERAL}")
         elif id == 435:
-            self._available_modes(port)
+            available_modes(port)
         elif id == 264:
             port.send_name("FLIGHT_INFORMATION", self._view.ms, 0, 0, 1, 0)
         elif id == 49:
@@ -185,24 +206,6 @@ class Receiver:
                 return Result.DENIED
             stream.build(self._view, port)
         return Result.ACCEPTED
-
-    @staticmethod
-    def _available_modes(port: Port) -> None:
-        modes = [
-            (0, px4.custom_mode(px4.Main.MANUAL), "Manual"),
-            (0, px4.ALTCTL, "Altitude"),
-            (1, px4.POSCTL, "Position"),
-            (6, px4.MISSION, "Mission"),
-            (0, px4.HOLD, "Hold"),
-            (5, px4.RTL, "Return"),
-            (8, px4.TAKEOFF, "Takeoff"),
-            (7, px4.LAND, "Land"),
-            (0, px4.custom_mode(px4.Main.ACRO), "Acro"),
-            (0, px4.OFFBOARD, "Offboard"),
-            (0, px4.custom_mode(px4.Main.STABILIZED), "Stabilized"),
-        ]
-        for index, (standard, custom, name) in enumerate(modes, 1):
-            port.send_name("AVAILABLE_MODES", len(modes), index, standard, custom, 0, name)
 
     # -- time -----------------------------------------------------------------------------------------------------
 

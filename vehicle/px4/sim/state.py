@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vehicle.px4 import protocol as px4
-from vehicle.px4.place import ORIGIN_ALTITUDE, geodetic
+from vehicle.px4.place import ORIGIN_ALTITUDE, geodetic, local
 from vehicle.px4.sim.params import Parameters
 from vehicle.px4.sim.rows import control, estimate, situation
+from vehicle.px4.sim.services.plan import Plan
 from vehicle.quadrotor import state_row
 
 
@@ -68,6 +69,7 @@ class Flight:
     home: tuple[float, float, float] | None = None  # ENU
     home_ns: int = 0
     discharge: float = 0.0  # 0 full .. 1 at SIM_BAT_MIN_PCT
+    plan: Plan = field(default_factory=Plan)
     text: Callable[..., None] = lambda *_, **__: None
     acknowledge: Callable[[Command, int], None] = lambda *_: None
 
@@ -108,6 +110,15 @@ class Flight:
     def altitude(self, z: float) -> float:
         """Altitude above mean sea level (m) of a height in the world."""
         return ORIGIN_ALTITUDE + z - self.origin[2]
+
+    def height(self, altitude: float) -> float:
+        """Height in the world (m) of an altitude above mean sea level."""
+        return altitude - ORIGIN_ALTITUDE + self.origin[2]
+
+    def place(self, latitude: float, longitude: float) -> tuple[float, float]:
+        """World position (m) of a latitude and a longitude in deg."""
+        east, north = local(latitude, longitude)
+        return east + self.origin[0], north + self.origin[1]
 
     def geodetic(self, x: float, y: float) -> tuple[int, int]:
         """Latitude and longitude in 1e-7 deg of a world position."""

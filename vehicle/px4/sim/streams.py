@@ -56,6 +56,7 @@ TABLE: dict[str, Row] = {
     "GNSS_INTEGRITY": Row(1, 1, 1204, status.gnss_integrity),
     "OPEN_DRONE_ID_LOCATION": Row(1, 1, 1204, status.open_drone_id_location),
     "OPEN_DRONE_ID_SYSTEM": Row(1, 1, 1204, status.open_drone_id_system),
+    "ORBIT_EXECUTION_STATUS": Row(5, 2, 324, motion.orbit_execution_status),
     "HIL_STATE_QUATERNION": Row(0, 0, 1204, motion.hil_state_quaternion),
 }
 

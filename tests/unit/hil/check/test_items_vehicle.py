@@ -13,7 +13,7 @@ from hil.check.judge import Outcome
 from hil.recording.runs import write_json
 from tests.unit.hil.check.preflight import result, with_slot
 from vehicle.px4.sim.autopilot import Px4Sim
-from vehicle.px4.sim.receiver import UID
+from vehicle.px4.sim.messages import UID
 
 
 def test_parameters_are_compared_with_the_last_flight_of_this_rig(context):
@@ -111,7 +111,7 @@ def test_autopilot_is_named_and_another_one_than_the_list_wants_fails(context):
 
 
 def test_autopilot_without_a_uid_is_unknown(context, monkeypatch):
-    monkeypatch.setattr("vehicle.px4.sim.receiver.UID", 0)
+    monkeypatch.setattr("vehicle.px4.sim.messages.UID", 0)
     with pytest.raises(Unavailable, match="does not tell its UID"):
         checks()["vehicle.identity"].function(context)
 
@@ -119,7 +119,7 @@ def test_autopilot_without_a_uid_is_unknown(context, monkeypatch):
 def test_another_autopilot_in_the_same_session_is_unknown(context, monkeypatch):
     checks()["vehicle.identity"].function(context)
     context.forget()
-    monkeypatch.setattr("vehicle.px4.sim.receiver.UID", 7)
+    monkeypatch.setattr("vehicle.px4.sim.messages.UID", 7)
     with pytest.raises(Unavailable, match="another autopilot answers: UID 0000000000000007"):
         checks()["vehicle.identity"].function(context)
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.unit.vehicle.px4.driver.driver_bench import Bench
 from vehicle.px4.driver.arming import Arming, Identity, identity_of, same_value
-from vehicle.px4.sim.receiver import UID
+from vehicle.px4.sim.messages import UID
 
 SITL = Identity(f"{UID:016x}", "1.17.0 000000c4d12af1d6")
 HELD = {"COM_OF_LOSS_T": 0.3, "COM_OBL_RC_ACT": 4, "NAV_RCL_ACT": 2}
