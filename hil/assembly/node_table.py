@@ -113,6 +113,7 @@ def driving_services() -> tuple[str, ...]:
 
 def fault_setting(rig: Rig, *, live: bool) -> Setting:
     """What the kinds of faults must know of a run with `rig`."""
-    simulated = [slot for slot in ("vehicle", "groundcar", "camera", "mocap") if getattr(rig, slot).kind == "sim"]
+    slots = ("vehicle", "groundcar", "camera", "mocap")
+    simulated = [slot for slot in slots if getattr(rig, slot).kind in ("sim", "crazyflie-sim")]
     simulated += [FIRMWARE] if rig.vehicle.kind == "hitl" else []
     return Setting(service_nodes(rig), simulated, rig.camera.source == "pictures", live)

@@ -1,4 +1,4 @@
-"""Faults of the simulated vehicle: autopilot, battery, motors, wind, magnet."""
+"""Faults of the simulated vehicle, software PX4 or Crazyflie: autopilot, battery, motors, wind, magnet."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pydantic import Field
 from hil.contract.messages import Contact
 from hil.faults.fault import FIRMWARE, Fault, Host, Parameters, Setting, Share
 from hil.nodes.vehicle_device import VehicleDevice
+from vehicle.crazyflie.sim.crazyflie import CrazyflieSim
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.px4.sim.rows import estimate_error
 from vehicle.quadrotor import airframe_row, state_row
@@ -23,9 +24,9 @@ def _device(host: Host) -> VehicleDevice:
     return host.node
 
 
-def _sim(host: Host) -> Px4Sim:
+def _sim(host: Host) -> Px4Sim | CrazyflieSim:
     sim = _device(host).sim
-    assert isinstance(sim, Px4Sim)  # `device`: no other vehicle gets here
+    assert isinstance(sim, Px4Sim | CrazyflieSim)  # `device`: no other vehicle gets here
     return sim
 
 
@@ -38,7 +39,7 @@ class _Vehicle(Fault):
     @classmethod
     def complaint(cls, parameters: Any, setting: Setting) -> str:
         if FIRMWARE in setting.simulated:
-            return "" if cls.plant_only else "acts on the software PX4, and this rig has a real firmware"
+            return "" if cls.plant_only else "acts on a software autopilot, and this rig has a real firmware"
         return super().complaint(parameters, setting)
 
 
@@ -66,7 +67,7 @@ class EstimatorJump(_Vehicle):
 
     def act(self, host: Host) -> None:
         at = estimate_error.POSITION_BIAS
-        _sim(host).estimator.error[at : at + 3] = self.p.x, self.p.y, self.p.z
+        _sim(host).estimate_error[at : at + 3] = self.p.x, self.p.y, self.p.z
 
 
 class BatterySag(_Vehicle):
@@ -78,13 +79,13 @@ class BatterySag(_Vehicle):
         thrust: Share = 0.8
 
     def begin(self, host: Host) -> None:
-        _sim(host).flight.params[airframe_row.MOTOR_THRUST] *= self.p.thrust
+        _sim(host).params[airframe_row.MOTOR_THRUST] *= self.p.thrust
 
     def act(self, host: Host) -> None:
-        _sim(host).flight.discharge = 1.0
+        _sim(host).drain()
 
     def end(self, host: Host) -> None:
-        _sim(host).flight.params[airframe_row.MOTOR_THRUST] /= self.p.thrust
+        _sim(host).params[airframe_row.MOTOR_THRUST] /= self.p.thrust
 
 
 class MotorLoss(_Vehicle):
@@ -112,10 +113,10 @@ class MotorSlow(_Vehicle):
         factor: Annotated[float, Field(gt=1, le=10)] = 2.0
 
     def begin(self, host: Host) -> None:
-        _sim(host).flight.params[airframe_row.MOTOR_LAG] *= self.p.factor
+        _sim(host).params[airframe_row.MOTOR_LAG] *= self.p.factor
 
     def end(self, host: Host) -> None:
-        _sim(host).flight.params[airframe_row.MOTOR_LAG] /= self.p.factor
+        _sim(host).params[airframe_row.MOTOR_LAG] /= self.p.factor
 
 
 class _Gust:

@@ -7,7 +7,7 @@ from hil.host.flight import fly
 from hil.host.replay import replay_run
 from hil.recording import provenance
 from hil.recording.reader import Recording
-from hil.scoring.flight_class import ABORTED
+from hil.scoring.flight_class import ABORTED, UNSAFE
 from scenarios.faults import FaultTable
 
 pytestmark = pytest.mark.slow
@@ -20,6 +20,10 @@ def flown(out, *faults):
         plan.scenario, plan.rig, plan.make_policy(), 0, policy_name=plan.policy_name, rig_name="crazyflie-sim",
         pictures="none", out=out, code=CODE, progress=lambda now_ns, what: None,
     )  # fmt: skip
+
+
+def texts(flight):
+    return [entry.message.text for entry in Recording(flight.run.recording).messages(["event"])]
 
 
 def test_crazyflie_perches_on_the_wall_by_motion_capture_and_its_run_replays(tmp_path):
@@ -35,8 +39,26 @@ def test_crazyflie_perches_on_the_wall_by_motion_capture_and_its_run_replays(tmp
     assert replay_run(flight.run.path).same
 
 
-@pytest.mark.parametrize(("kind", "why"), [("policy.nan", "command is not finite"), ("mocap.dropout", "")])
-def test_crazyflie_that_loses_what_it_needs_is_landed(kind, why, tmp_path):
-    found = flown(tmp_path, FaultTable.model_validate({"kind": kind, "at": 1.0})).flight_class
+@pytest.mark.parametrize(
+    ("fault", "told", "why"),
+    [
+        ({"kind": "policy.nan"}, "", "command is not finite"),
+        ({"kind": "mocap.dropout"}, "it no longer knows where it is", "mocap has not published mocap/board"),
+        ({"kind": "mavlink.down", "for": 1.0}, "link lost", "no odometry"),
+        ({"kind": "battery.sag", "at": 0.3}, "its battery is low", ""),
+    ],
+)
+def test_crazyflie_that_loses_what_it_needs_is_landed(fault, told, why, tmp_path):
+    flight = flown(tmp_path, FaultTable.model_validate({"at": 1.0, **fault}))
+    found = flight.flight_class
     assert found is not None and found.name == ABORTED, found
     assert any(why in text for text in found.why), found
+    assert any(told in text for text in texts(flight)), texts(flight)
+
+
+def test_crazyflie_whose_radio_stays_lost_falls_as_its_firmware_has_it_and_the_run_says_so(tmp_path):
+    """No set-point for 2 s: the firmware stops the motors in the air, whatever this side does."""
+    flight = flown(tmp_path, FaultTable.model_validate({"kind": "mavlink.down", "at": 1.0}))
+    found = flight.flight_class
+    assert found is not None and found.name == UNSAFE and "met the ground" in found.why[0]
+    assert any("link lost: no log data" in text for text in texts(flight))

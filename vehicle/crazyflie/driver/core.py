@@ -16,7 +16,7 @@ from vehicle.px4.driver.types import ExternalPose, LinkOutput, Note
 
 SECOND = 1_000_000_000
 KNOWN_VARIANCE = 1e-2  # m^2: the position is known
-_LOW_POWER = 3  # pm.state
+LOW_POWER = 3  # pm.state
 _ALARMING = ("lock", "crash", "fall", "error", "warning", "fail")
 
 
@@ -193,7 +193,7 @@ class LinkCore:
         if was_connected and not connected:
             self._note("error", "link lost: no log data for 1 s")
         if connected and status is not None and self.armed:
-            self._alarm(status.power == _LOW_POWER, f"its battery is low: {status.battery_v:.2f} V")
+            self._alarm(status.power == LOW_POWER, f"its battery is low: {status.battery_v:.2f} V")
             self._alarm(status.variance > KNOWN_VARIANCE, "it no longer knows where it is: no external pose comes")
         if mode != was_mode:
             self._note("error" if mode in ("locked", "crashed") else "info", f"supervisor: {mode}")

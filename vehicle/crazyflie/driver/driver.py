@@ -2,7 +2,7 @@
 
 `step` never blocks and reads no clock. It takes the vehicle through the phases of `LinkOutput.phase`, as the PX4 driver
 does. The firmware levels a vehicle whose set-points stop and, 2 s later, stops its motors in the air: where only the
-commands stop, this driver therefore lands it with the high-level commander.
+commands stop, or its battery stays low, this driver therefore lands it with the high-level commander.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from vehicle.crazyflie import commands
 from vehicle.crazyflie.commands import FULL_WORD, GoTo, Vertical
 from vehicle.crazyflie.crtp import Info, SupervisorCommand
-from vehicle.crazyflie.driver.core import SECOND, ByteWire
+from vehicle.crazyflie.driver.core import LOW_POWER, SECOND, ByteWire
 from vehicle.crazyflie.driver.prepare import GroundPhases
 from vehicle.crazyflie.driver.types import CrazyflieConfig
 from vehicle.crazyflie.thrust import available_force, word_of
@@ -25,6 +25,7 @@ _CLIMB_M, _CLIMB_S = 0.8, 2.0  # the take-off: height above the ground, duration
 _PEAK = 35.0 / 16.0  # greatest over mean speed of the high-level commander's polynomials
 _LANDING_SPEED = 0.5  # m/s, mean
 _KILL_NS = 40_000_000
+_LOW_NS = 1_500_000_000  # a battery that is low for so long does not recover; a moment of full thrust is shorter
 _IN_FLIGHT = ("takeoff", "goto", "hover", "handed_over")
 
 
@@ -37,7 +38,7 @@ class CrazyflieLink(GroundPhases):
         self._approach = Approach(config)
         self._learned = HoverThrust(expected, config.hover_thrust_tolerance)
         self.hover_thrust = expected  # share of the full word that is sent for one g
-        self._command_ns = 0
+        self._command_ns = self._low_ns = 0
         self._landing_s = 0.0
         self._killing = False
         phases = ("connect", "parameters", "streams", "ready", "verify", "arm")
@@ -102,6 +103,7 @@ class CrazyflieLink(GroundPhases):
         if not self._may_fly():
             self._fail(f"it can no longer fly before it took off: {self._mode()}")
         elif self.in_air and height > 0.7 * _CLIMB_M and self._elapsed(_CLIMB_S):
+            self._low_ns = self._now
             self._approach.begin(odometry.position, odometry.velocity)
             self._enter("goto")
             self._go_to_start()
@@ -184,12 +186,18 @@ class CrazyflieLink(GroundPhases):
         return status is not None and status.has(Info.CAN_FLY)
 
     def _check_control(self) -> None:
-        """Land if commands have stopped; nothing can be done for a vehicle whose supervisor lets it fly no more."""
-        silent = self._now - self._command_ns
+        """Land if commands have stopped or the battery stays low; nothing can be done for a vehicle whose supervisor
+        lets it fly no more."""
+        silent, status = self._now - self._command_ns, self._device.status
+        if status is None or status.power != LOW_POWER:
+            self._low_ns = self._now
         if not self._may_fly():
             self._fail(f"control lost: {self._mode()}")
         elif self.phase == "handed_over" and silent > self._config.gap_limit * SECOND:
             self._note("error", f"control lost: no command for {silent / 1e9:.2f} s; it lands")
+            self._enter("released")
+        elif self._now - self._low_ns > _LOW_NS:
+            self._note("error", f"its battery is low for {_LOW_NS / 1e9:g} s; it lands")
             self._enter("released")
 
     def _settled(self) -> bool:

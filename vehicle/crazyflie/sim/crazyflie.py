@@ -184,6 +184,25 @@ class CrazyflieSim:
         armed = supervisor.flying or (supervisor.armed and not supervisor.auto_arms)
         return truth_of(self.flight.row, armed, self._grip.holds)
 
+    @property
+    def row(self) -> np.ndarray:
+        """The vehicle's state row (vehicle.quadrotor.state_row): the true state."""
+        return self.flight.row
+
+    @property
+    def params(self) -> np.ndarray:
+        """The plant's params row (vehicle.quadrotor.airframe_row)."""
+        return self._params
+
+    @property
+    def estimate_error(self) -> np.ndarray:
+        """The error row of the estimate (vehicle.px4.sim.rows.estimate_error)."""
+        return self.flight.estimator.error
+
+    def drain(self) -> None:
+        """The battery is empty now."""
+        self.flight.battery.charge = 0.0
+
     def set_wind(self, velocity: Vec3) -> None:
         """Velocity of the air (m/s, world) from now on."""
         self.flight.row[state_row.WIND : state_row.WIND + 3] = velocity

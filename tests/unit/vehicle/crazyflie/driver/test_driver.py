@@ -87,6 +87,19 @@ def test_low_battery_is_told_once():
     assert len([text for text in bench.texts() if text.startswith("its battery is low: 3.")]) == 1
 
 
+def test_battery_that_stays_low_makes_it_land_and_one_that_recovers_does_not():
+    bench = Bench().until("hover")
+    for charge, ms in ((0.05, 1200), (1.0, 500), (0.05, 1200)):
+        bench.sim.flight.battery.charge = charge
+        bench.run(ms, HOVER)
+    assert bench.phase == "handed_over"
+    bench.run(500, HOVER)
+    assert bench.phase == "released" and "its battery is low for 1.5 s; it lands" in bench.texts()
+    bench.run(8000)
+    assert not bench.output.armed
+    assert bench.sim.flight.supervisor.state not in (State.LOCKED, State.CRASHED)
+
+
 @pytest.mark.parametrize(
     ("options", "why"),
     [
