@@ -39,7 +39,7 @@ class _Vehicle(Fault):
     @classmethod
     def complaint(cls, parameters: Any, setting: Setting) -> str:
         if FIRMWARE in setting.simulated:
-            return "" if cls.plant_only else "acts on a software autopilot, and this rig has a real firmware"
+            return "" if cls.plant_only else "acts on a software autopilot, not on a real firmware"
         return super().complaint(parameters, setting)
 
 

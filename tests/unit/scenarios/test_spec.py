@@ -12,7 +12,7 @@ NAMES = ["simple-i", "simple-ii", "normal-i", "normal-ii", "hard-i", "hard-ii"]
 
 
 def test_six_published_scenarios_are_listed_in_the_order_of_the_paper():
-    assert list_scenarios() == [*NAMES, "crazyflie-wall"]
+    assert list_scenarios() == [*NAMES, "crazyflie-moving", "crazyflie-wall"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -144,6 +144,7 @@ def test_the_only_size_of_the_board_is_the_printed_board_s(edited):
 
 def test_wall_has_velcro_s_limits_and_the_others_the_magnet_s():
     assert load("crazyflie-wall").attachment.impact_speed == (0.2, 2.0)
+    assert load("crazyflie-moving").attachment == load("crazyflie-wall").attachment
     magnet = ContactRules()
     for name in NAMES:
         holds = load(name).attachment

@@ -20,8 +20,10 @@ def test_every_shipped_rig_flies_its_default_policy(rig):
 
 
 @pytest.mark.parametrize("scenario", list_scenarios())
-def test_every_shipped_scenario_is_flown_by_the_rig_that_it_names(scenario):
-    assert Plan(scenario, load(scenario).rig, None, None).make_policy()
+def test_every_shipped_scenario_is_flown_by_the_rig_that_it_names_unless_another_is_asked_for(scenario):
+    plan = Plan(scenario, None, None, None)
+    assert plan.make_policy() and plan.rig_name == load(scenario).rig
+    assert Plan(scenario, "px4-sitl", "planner", None).rig_name == "px4-sitl"
 
 
 @pytest.mark.parametrize("policy", ["vision", str(ROOT / "policies/checkpoints/plain/vision.onnx")])

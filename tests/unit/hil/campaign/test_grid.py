@@ -37,6 +37,13 @@ def flown(grid, job, outcome="success", state="finished", flight=None, **changes
     return run
 
 
+def test_without_a_rig_each_scenario_flies_on_its_own(grid):
+    mixed = replace(grid, scenarios=("simple-i", "crazyflie-wall"), policies=("planner-analytic",), rig=None)
+    assert {job.scenario: campaign_grid.plan_of(mixed, job).rig_name for job in check(mixed)} == {
+        "simple-i": "sim", "crazyflie-wall": "crazyflie-sim",
+    }  # fmt: skip
+
+
 def test_jobs_are_ordered_by_seed_then_policy(grid):
     jobs = check(grid)
     assert len(jobs) == len(set(jobs)) == 12

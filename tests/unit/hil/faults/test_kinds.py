@@ -71,7 +71,7 @@ def test_faults_of_a_firmware_are_refused_where_none_flies(kind):
 
 @pytest.mark.parametrize("kind", ["autopilot.reboot", "estimator.jump", "battery.sag", "motor.loss", "motor.slow"])
 def test_faults_of_the_software_px4_are_refused_where_a_firmware_flies(kind):
-    with pytest.raises(ConfigError, match=f"fault {kind}: acts on a software autopilot, and this rig has a real firmware"):
+    with pytest.raises(ConfigError, match=f"fault {kind}: acts on a software autopilot, not on a real firmware"):
         check_faults([table(kind)], fault_setting(FIRMWARE_RIG, live=False))
 
 
