@@ -202,3 +202,15 @@ def test_without_a_mission_there_is_none_to_start_and_current_item_must_be_in_th
     ready.run(1100)
     assert "WPM: WP CURR CMD: Not in list\t" in ready.texts() and ready.of("MISSION_CURRENT")[-1].seq == 1
     assert ready.ask(300, 2.0, 0.0) == [2]
+
+
+def test_mission_mode_is_told_in_take_off_and_landing_too_as_recorded():
+    rig = Rig().fly_to_hover()
+    rig.run(1100)
+    hold = rig.of("MISSION_CURRENT")[-1]
+    assert rig.ask(21) == [0]
+    rig.run(1100)
+    land = rig.of("MISSION_CURRENT")[-1]
+    assert [(m.seq, m.total, m.mission_state, m.mission_mode) for m in (hold, land)] == [
+        (0, 65535, 1, 2), (0, 65535, 1, 1),
+    ]  # fmt: skip
