@@ -27,11 +27,15 @@ FIELD_NED = (
 
 
 def geodetic(east: float, north: float) -> tuple[int, int]:
-    """Latitude and longitude in 1e-7 deg of a place `east`, `north` (m) of the origin."""
+    """Latitude and longitude in 1e-7 deg of a place `east`, `north` (m) of the origin, within the wire's 32 bits."""
     latitude = ORIGIN_LATITUDE + math.degrees(north / EARTH_RADIUS)
     scale = EARTH_RADIUS * math.cos(math.radians(ORIGIN_LATITUDE))
     longitude = ORIGIN_LONGITUDE + math.degrees(east / scale)
-    return round(latitude * 1e7), round(longitude * 1e7)
+    return _int32(latitude * 1e7), _int32(longitude * 1e7)
+
+
+def _int32(value: float) -> int:
+    return max(-(2**31), min(2**31 - 1, round(value)))
 
 
 def local(latitude: float, longitude: float) -> tuple[float, float]:

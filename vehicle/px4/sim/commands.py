@@ -106,7 +106,7 @@ class Commands:
         """World position and height (m) of latitude, longitude (deg) and altitude (m above sea level); NaN where they
         are not given."""
         flight, (latitude, longitude, altitude) = self._flight, params[4:7]
-        known = math.isfinite(latitude) and math.isfinite(longitude)
+        known = abs(latitude) <= 90.0 and abs(longitude) <= 180.0  # not of NaN
         place = flight.place(latitude, longitude) if known else (math.nan, math.nan)
         return place, flight.height(altitude) if math.isfinite(altitude) else math.nan
 

@@ -134,6 +134,13 @@ def test_sticks_out_of_range_for_others_or_above_the_centre_do_not_arm_or_move()
     assert rig.sim.commander.manual._sticks[:2] == (0.0, 0.0)
 
 
+def test_place_that_is_not_on_earth_is_no_place():
+    rig = Rig().fly_to_hover()
+    assert rig.ask(ORBIT, 3.0, 1.0, 0.0, NAN, 1e9, 8.5, NAN) == [0]
+    assert rig.sim.commander.orbit.centre[:2] == pytest.approx(rig.sim.truth().position[:2], abs=0.3)
+    assert rig.flight.geodetic(1e12, -1e12) == (-(2**31), 2**31 - 1)
+
+
 @pytest.mark.parametrize("number", [211, 241, 209, 42600, 1000])
 def test_what_the_software_px4_has_not_is_unsupported(number):
     assert Rig().ask(number, 1.0) == [3]
