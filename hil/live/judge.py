@@ -51,7 +51,9 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
     table = {
         "ended": {"trouble": ended.trouble, "interrupted": ended.interrupted, "stage": ended.stage},
         "exposure_to_action": latency,
-        "of_it_exposure_and_transport_ms": slot.exposure_ms / 2 + slot.transport_ms if slot.kind == "sim" else None,
+        "of_it_exposure_and_transport_ms": (
+            slot.exposure_ms / 2 + slot.transport_ms if camera and slot.kind == "sim" else None
+        ),
         **load_table(ended.before, ended.after),
         "remarks": ended.remarks,
         "services": {name: _kept(one) for name, one in sorted(ended.health.items())},

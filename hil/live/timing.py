@@ -19,11 +19,11 @@ def timing_lines(table: dict[str, Any]) -> list[str]:
     """
     lines, latency = [], table["exposure_to_action"]
     if latency["count"]:
-        part = table["of_it_exposure_and_transport_ms"]
-        lines += [f"exposure to action, {latency['count']} pictures:", f"  {_percentiles(latency)}"]
+        part, seen, acted = table["of_it_exposure_and_transport_ms"], latency["to_detection"], latency["then_to_action"]
+        what = "pictures" if seen["count"] else "measurements by motion capture"
+        lines += [f"exposure to action, {latency['count']} {what}:", f"  {_percentiles(latency)}"]
         if part:
             lines.append(f"  of it {part:g} ms exposure and transport of the simulated camera")
-        seen, acted = latency["to_detection"], latency["then_to_action"]
         if seen["count"]:
             lines.append(f"  of it to the detection: p50 {seen['p50_ms']} ms, p99 {seen['p99_ms']} ms")
             lines.append(f"  from there to the action: p50 {acted['p50_ms']} ms, p99 {acted['p99_ms']} ms")

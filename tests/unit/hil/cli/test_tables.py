@@ -51,6 +51,13 @@ def test_live_summary_has_one_line_per_node_of_at_most_80_columns():
             assert line.split()[2:] == ["123456", "12345", "12345", "123.5", "1234"]
 
 
+def test_live_summary_of_a_flight_by_motion_capture_names_no_pictures():
+    latency = {**SUMMARY["exposure_to_action"], "to_detection": {"count": 0}, "then_to_action": {"count": 0}}
+    lines = timing_lines({**SUMMARY, "exposure_to_action": latency, "of_it_exposure_and_transport_ms": None})
+    assert lines[0] == "exposure to action, 12345 measurements by motion capture:"
+    assert not any("picture" in line or "camera is" in line or "detection" in line for line in lines)
+
+
 def test_live_summary_lines_are_not_wrapped_in_a_pipe(capsys):
     say("\n".join(timing_lines(SUMMARY)))
     assert capsys.readouterr().out.splitlines() == timing_lines(SUMMARY)
