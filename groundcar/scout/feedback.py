@@ -70,6 +70,7 @@ class FeedbackSender:
     def __init__(self, geometry: Geometry) -> None:
         self._geometry = geometry
         self._next_ns: dict[str, int] = {}
+        self._soonest_ns = -(2**63)  # of all cycles
         self._count = 0
         self.light: dict[str, float] = {}
         self.muted: frozenset[str] = frozenset()
@@ -93,6 +94,8 @@ class FeedbackSender:
         battery: Battery,
     ) -> None:
         """`state` is a row of groundcar.scout.physics, `system` and `mode` are 0x211's."""
+        if now_ns < self._soonest_ns:
+            return
         left, right = wheel_speeds(state[car_row.WHEEL_SPEED], state[car_row.WHEEL_TURN], self._geometry.track)
         per_metre = 60.0 / (2.0 * math.pi * self._geometry.wheel_radius)
         for name in CYCLES_NS:
@@ -122,3 +125,4 @@ class FeedbackSender:
                 values = {"voltage": battery.voltage, "driver_temperature": 35, "motor_temperature": 35}
                 values |= {fault: 1 for fault, wheel in faults if name == f"Driver{wheel}"}
             wire.send(encode(name, values))
+        self._soonest_ns = min(self._next_ns.values())

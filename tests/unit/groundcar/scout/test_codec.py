@@ -75,6 +75,20 @@ def test_decode_inverts_encode(name, seed):
     assert got[1] == pytest.approx(values)
 
 
+@pytest.mark.parametrize("name", EVERYTHING)
+def test_every_message_is_packed_and_unpacked_as_cantools_does(name):
+    message, rng = database().get_message_by_name(name), random.Random(name)
+    for _ in range(100):
+        data = rng.randbytes(8)
+        ours = Decoder(EVERYTHING).decode((message.frame_id, data))
+        assert ours is not None
+        theirs = message.decode(data, decode_choices=False)
+        assert [(k, v, type(v)) for k, v in ours[1].items()] == [(k, v, type(v)) for k, v in theirs.items()]
+        values = {s.name: rng.uniform(s.minimum or 0.0, s.maximum or 1.0) for s in message.signals}
+        assert encode(name, values).data == message.encode(values, strict=False)
+        assert encode(name, theirs) == encode(name, ours[1])
+
+
 @given(frame=st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)))
 def test_invalid_frames_are_counted_without_an_error(frame):
     decoder = Decoder(feedback_names())
