@@ -23,8 +23,11 @@ _CAR_BOXES = (
     ((-0.21, -0.24, 0.085), (0.17, 0.09, 0.17), 24.0),
 )
 _MAST = 0.06  # m, side of the mast between car and board
+_MAST_GREY = 95.0
+_SHADOW_GREYS = np.array([55.0, 55.0])
 _FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 _SIGNS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+_OUTWARD = np.array([-1, 1, -1, 1, -1, 1])[:, None]
 
 
 def lambert(normal: np.ndarray) -> float:
@@ -32,11 +35,22 @@ def lambert(normal: np.ndarray) -> float:
     return 0.55 + 0.45 * max(0.0, float(normal @ SUN))
 
 
-def _box(centre, extent, R, origin, grey):
-    """Faces (6, 4, 3) in the world and their greys (6,) of a box in a frame `R` (3, 3), `origin` (3,)."""
-    corners = (np.asarray(centre) + _SIGNS * np.asarray(extent)) @ R.T + origin
-    normals = np.concatenate((R.T, R.T))[[0, 3, 1, 4, 2, 5]] * np.array([-1, 1, -1, 1, -1, 1])[:, None]
-    return corners[_FACES], np.array([grey * lambert(n) for n in normals])
+def _corners(centre, extent) -> np.ndarray:
+    """Corners (8, 3) of a box in its own frame."""
+    return np.asarray(centre) + _SIGNS * np.asarray(extent)
+
+
+def _boxes(corners: np.ndarray, R: np.ndarray, origin: np.ndarray, greys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Faces (6 n, 4, 3) in the world and their greys (6 n,) of n boxes: `corners` (8 n, 3) and `greys` (n,) in a frame
+    `R` (3, 3), `origin` (3,)."""
+    faces = (corners @ R.T + origin).reshape(-1, 8, 3)[:, _FACES]
+    normals = np.concatenate((R.T, R.T))[[0, 3, 1, 4, 2, 5]] * _OUTWARD
+    light = np.array([lambert(normal) for normal in normals])
+    return faces.reshape(-1, 4, 3), (greys[:, None] * light).ravel()
+
+
+_CAR_CORNERS = np.concatenate([_corners(centre, extent) for centre, extent, _ in _CAR_BOXES])
+_CAR_GREYS = np.array([*(grey for _, _, grey in _CAR_BOXES), _MAST_GREY])
 
 
 def car_faces(board_p: np.ndarray, board_R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -48,23 +62,20 @@ def car_faces(board_p: np.ndarray, board_R: np.ndarray) -> tuple[np.ndarray, np.
     lean = SUN[:2] / SUN[2]
     ground = np.array([[-0.34, -0.31], [0.34, -0.31], [0.34, 0.31], [-0.34, 0.31]]) @ R[:2, :2].T - 0.1 * lean
     face = board_p + (np.array([[-0.21, -0.21], [0.21, -0.21], [0.21, 0.21], [-0.21, 0.21]]) @ board_R[:, :2].T)
-    shadows = [ground + origin[:2], face[:, :2] - face[:, 2:] * lean]
-    faces = [np.column_stack((shadow, np.full(4, 0.001)))[None] for shadow in shadows]
-    greys = [np.array([55.0]), np.array([55.0])]
+    shadows = np.full((2, 4, 3), 0.001)
+    shadows[0, :, :2], shadows[1, :, :2] = ground + origin[:2], face[:, :2] - face[:, 2:] * lean
     top = board_p[2] - 0.02
-    boxes = [*_CAR_BOXES, ((0.0, 0.0, 0.5 * (top + 0.25)), (_MAST, _MAST, max(top - 0.25, 0.01)), 95.0)]
-    for centre, extent, grey in boxes:
-        f, g = _box(centre, extent, R, origin, grey)
-        faces.append(f)
-        greys.append(g)
-    return np.concatenate(faces), np.concatenate(greys)
+    mast = _corners((0.0, 0.0, 0.5 * (top + 0.25)), (_MAST, _MAST, max(top - 0.25, 0.01)))
+    faces, greys = _boxes(np.concatenate((_CAR_CORNERS, mast)), R, origin, _CAR_GREYS)
+    return np.concatenate((shadows, faces)), np.concatenate((_SHADOW_GREYS, greys))
 
 
 def slab_faces(
     board_p: np.ndarray, board_R: np.ndarray, size: float, thickness: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rim and dark back of the board (the face itself is drawn sample by sample): faces (5, 4, 3) and greys (5,)."""
-    faces, greys = _box((0.0, 0.0, -thickness / 2), (size, size, thickness), board_R, board_p, 60.0)
+    corners = _corners((0.0, 0.0, -thickness / 2), (size, size, thickness))
+    faces, greys = _boxes(corners, board_R, board_p, np.array([60.0]))
     keep = [0, 1, 2, 3, 4]
     greys[4] = 32.0
     return faces[keep], greys[keep]
