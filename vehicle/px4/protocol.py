@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from enum import IntEnum
+from functools import lru_cache
 
 os.environ.setdefault("MAVLINK20", "1")
 
@@ -202,6 +203,7 @@ POSCTL = custom_mode(Main.POSCTL)
 ORBIT = custom_mode(Main.POSCTL, 1)
 
 
+@lru_cache(maxsize=64)
 def mode_name(custom: int) -> str:
     """Readable mode, as in "OFFBOARD" or "AUTO.LOITER"; unknown modes show their numbers."""
     main, sub = split_custom_mode(custom)
