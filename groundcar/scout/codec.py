@@ -118,6 +118,7 @@ class Decoder:
         """`names`: the messages this end receives. Raises ValueError for one that the DBC does not have."""
         self._by_id = {can_id(name): _layout(name) for name in names}
         self._short = frozenset(can_id(name) for name in SHORT_COMMANDS)
+        self._last: dict[int, tuple[bytes, dict[str, float]]] = {}  # of each message: most repeat the one before
         self.unknown_ids = 0
         self.wrong_lengths = 0
 
@@ -127,7 +128,10 @@ class Decoder:
         return self.unknown_ids + self.wrong_lengths
 
     def decode(self, frame: tuple[int, bytes]) -> tuple[str, dict[str, float]] | None:
-        """(message name, values by signal, SI), or None for a frame of unknown id or wrong length."""
+        """(message name, values by signal, SI), or None for a frame of unknown id or wrong length.
+
+        The values are not to be changed: they are given again while a message repeats itself.
+        """
         found = self._by_id.get(frame[0])
         if found is None:
             self.unknown_ids += 1
@@ -138,9 +142,13 @@ class Decoder:
         if len(data) != LENGTH:
             self.wrong_lengths += 1
             return None
+        last = self._last.get(frame[0])
+        if last is not None and last[0] == data:
+            return found.name, last[1]
         number, values = int.from_bytes(data, "big"), dict[str, float]()
         for name, shift, mask, negative, scale, _, _ in found.signals.values():
             raw = number >> shift & mask
             raw -= (raw & negative) << 1
             values[name] = raw if scale == 1 else raw * scale
+        self._last[frame[0]] = data, values
         return found.name, values

@@ -9,7 +9,7 @@ import numpy as np
 
 from groundcar.motion.kinematics import wheel_speeds
 from groundcar.scout import car_row
-from groundcar.scout.codec import encode
+from groundcar.scout.codec import Frame, can_id, encode
 from groundcar.scout.params import Battery as BatteryParams
 from groundcar.scout.params import Geometry
 from kernel.random import uniform
@@ -25,6 +25,7 @@ CYCLES_NS = {
     **{f"Driver{k}": 20 * MS for k in (1, 2, 3, 4)},
     "Bms": 100 * MS,  # assumed: the manual gives no cycle
 }
+_IDS = {name: can_id(name) for name in CYCLES_NS}
 ROLLING = 0.03  # rolling resistance over weight, assumed
 
 
@@ -71,6 +72,7 @@ class FeedbackSender:
         self._geometry = geometry
         self._next_ns: dict[str, int] = {}
         self._soonest_ns = -(2**63)  # of all cycles
+        self._last: dict[str, tuple[dict[str, float], bytes]] = {}
         self._count = 0
         self.light: dict[str, float] = {}
         self.muted: frozenset[str] = frozenset()
@@ -124,5 +126,13 @@ class FeedbackSender:
             elif name.startswith("Driver"):
                 values = {"voltage": battery.voltage, "driver_temperature": 35, "motor_temperature": 35}
                 values |= {fault: 1 for fault, wheel in faults if name == f"Driver{wheel}"}
-            wire.send(encode(name, values))
+            wire.send(self._frame(name, values))
         self._soonest_ns = min(self._next_ns.values())
+
+    def _frame(self, name: str, values: dict[str, float]) -> Frame:
+        """The frame of message `name`; its data are those of the last message of its kind if that said the same."""
+        kind = name.rstrip("1234")
+        last = self._last.get(kind)
+        if last is None or last[0] != values:
+            last = self._last[kind] = dict(values), encode(name, values).data
+        return Frame(_IDS[name], last[1])

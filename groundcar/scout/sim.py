@@ -56,6 +56,7 @@ class ScoutSim:
         self._stream = stream(seed, 0x5C1)
         self._state = np.zeros(car_row.DIM)
         self.battery = Battery(self._params.battery, self._params.spread.battery, own)
+        self._watchdog_ns = round(self._params.protocol.watchdog * 1e9)
         self._decoder = Decoder(COMMANDS)
         self._sender = FeedbackSender(self._params.geometry)
         self._time_ns: int | None = None
@@ -105,7 +106,8 @@ class ScoutSim:
     def board_row(self, height: float, inclination: float, out: np.ndarray | None = None) -> np.ndarray:
         """The board that the car carries as a board row (8,) of groundcar.motion.board_motion; u is 0."""
         row = np.zeros(board_row.DIM) if out is None else out
-        row[:] = (*self.pose[:2], height, self.pose.heading, self.speed, self.turn_rate, inclination, 0.0)
+        x, y, heading = self.pose
+        row[:] = x, y, height, heading, self.speed, self.turn_rate, inclination, 0.0
         return row
 
     @property
@@ -171,8 +173,7 @@ class ScoutSim:
     def _move(self, time_ns: int) -> None:
         while self._pending and self._pending[0][0] <= time_ns:
             self._asked = self._pending.popleft()[1:]
-        watchdog_ns = round(self._params.protocol.watchdog * 1e9)
-        if self._commanded_ns is None or time_ns - self._commanded_ns > watchdog_ns:
+        if self._commanded_ns is None or time_ns - self._commanded_ns > self._watchdog_ns:
             self._asked = (0.0, 0.0)
             self._pending.clear()
         asked = self._asked if self.mode == CAN else (self._rc or (0.0, 0.0))

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from groundcar.motion import board_row
-from groundcar.motion.pose import board_position, board_quaternion, board_velocity
+from groundcar.motion.pose import board_quaternion, board_velocity
 from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import ScoutLink, WrongProtocolError
 from groundcar.scout.follower import Follower, RecordedFollower
@@ -215,13 +215,13 @@ class CarDevice(Node):
 
 def board_of(stamp_ns: int, row: np.ndarray) -> BoardState:
     """The board's state from a board row (8,)."""
-    x, y, z = board_position(row)
+    numbers = row.tolist()
     return BoardState(
         stamp_ns=stamp_ns,
-        position=(float(x), float(y), float(z)),
+        position=(numbers[board_row.X], numbers[board_row.Y], numbers[board_row.Z]),
         velocity=board_velocity(row),
         orientation=board_quaternion(row),
-        heading=float(row[board_row.HEADING]),
-        speed=float(row[board_row.SPEED]),
-        turn_rate=float(row[board_row.TURN_RATE]),
+        heading=numbers[board_row.HEADING],
+        speed=numbers[board_row.SPEED],
+        turn_rate=numbers[board_row.TURN_RATE],
     )
