@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from kernel.jit import njit
 from kernel.random import normal, stream
 from kernel.rotations import from_rotation_vector, multiply
 
@@ -33,14 +34,25 @@ class Mocap:
     ) -> tuple[Vec3, Vec3, Quat, Vec3]:
         """The measured state: m and m/s (world), quaternion wxyz (world from body), rad/s (body)."""
         noise = self._noise
-        turn = from_rotation_vector(*self._noisy((0.0, 0.0, 0.0), noise.orientation))
-        return (
-            self._noisy(position, noise.position),
-            self._noisy(velocity, noise.velocity),
-            multiply(orientation, turn),
-            self._noisy(body_rate, noise.body_rate),
-        )
+        return _measured(
+            position, velocity, orientation, body_rate, noise.position, noise.velocity, noise.orientation,
+            noise.body_rate, self._rng,
+        )  # fmt: skip
 
-    def _noisy(self, value: Vec3, sigma: float) -> Vec3:
-        rng = self._rng
-        return (value[0] + sigma * normal(rng), value[1] + sigma * normal(rng), value[2] + sigma * normal(rng))
+
+@njit
+def _noisy(value, sigma, rng):
+    return value[0] + sigma * normal(rng), value[1] + sigma * normal(rng), value[2] + sigma * normal(rng)
+
+
+@njit
+def _measured(position, velocity, orientation, body_rate, position_sigma, velocity_sigma, turn_sigma, rate_sigma, rng):
+    """Position, velocity, orientation and body rate (tuples) with noise of these sigmas."""
+    x, y, z = _noisy((0.0, 0.0, 0.0), turn_sigma, rng)
+    turn = from_rotation_vector(x, y, z)
+    return (
+        _noisy(position, position_sigma, rng),
+        _noisy(velocity, velocity_sigma, rng),
+        multiply(orientation, turn),
+        _noisy(body_rate, rate_sigma, rng),
+    )
