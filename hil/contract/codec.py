@@ -63,7 +63,10 @@ class Codec(Generic[Message]):
 
     def encode(self, message: Message) -> bytes:
         """The message as protobuf bytes. Raises CodecError naming the field whose value has a wrong type or length."""
-        values = self._get(message)
+        return self.encode_values(self._get(message))
+
+    def encode_values(self, values: tuple[Any, ...]) -> bytes:
+        """`encode` for the values of all fields, in their order."""
         if self._quick is not None:
             try:
                 return self._quick(values)

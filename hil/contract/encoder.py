@@ -32,6 +32,8 @@ class Field(NamedTuple):
 @lru_cache(maxsize=4096)
 def varint(number: int) -> bytes:
     """An int64 as protobuf writes it: seven bits a byte, the lowest first. Raises ValueError beyond 64 bits."""
+    if 0x80 <= number < 0x4000:
+        return bytes((number & 0x7F | 0x80, number >> 7))
     if not -_INT64 <= number < _INT64:
         raise ValueError(f"{number} does not fit into 64 bits")
     number &= 2 * _INT64 - 1

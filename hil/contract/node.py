@@ -20,9 +20,12 @@ class Inbox:
     def __init__(self, topics: Sequence[str]) -> None:
         self._new: dict[str, list[Any]] = {topic: [] for topic in topics}
         self._latest: dict[str, Any] = dict.fromkeys(topics)
+        self._filled: list[list[Any]] = []  # of the queues, those that are not empty, perhaps more than once
 
     def put(self, topic: str, message: Any) -> None:
-        self._new[topic].append(message)
+        queue = self._new[topic]
+        queue.append(message)
+        self._filled.append(queue)
         self._latest[topic] = message
 
     def new(self, topic: str) -> list[Any]:
@@ -34,8 +37,9 @@ class Inbox:
         return self._latest[topic]
 
     def clear(self) -> None:
-        for queue in self._new.values():
+        for queue in self._filled:
             queue.clear()
+        self._filled.clear()
 
 
 class Node:

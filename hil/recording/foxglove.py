@@ -24,6 +24,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
 
 from hil.contract import messages as m
+from hil.recording.foxglove_poses import pose, transform
 from vehicle.camera.pinhole import Camera
 
 _PERIOD_NS = 20_000_000  # of transforms and poses
@@ -92,6 +93,7 @@ class FoxgloveView:
             "camera/image": self._image,
             "event": self._event,
         }
+        self.topics = frozenset(self._views)
         self._truth: set[str] = set()
 
     CHANNELS = (
@@ -127,13 +129,14 @@ class FoxgloveView:
     def _vehicle(self, state: m.VehicleState) -> list[View]:
         if not self._is_due("vehicle", state.stamp_ns):
             return []
-        transforms = FrameTransforms()
-        _transform(transforms, state.stamp_ns, "world", "vehicle", state.position, state.orientation)
         mount = optical_from_tilt(self.camera.tilt)
-        _transform(transforms, state.stamp_ns, "vehicle", "camera", self.camera.offset, mount)
+        transforms = (
+            transform(state.stamp_ns, "world", "vehicle", state.position, state.orientation),
+            transform(state.stamp_ns, "vehicle", "camera", self.camera.offset, mount),
+        )
         return [
-            ("/tf", transforms.SerializeToString()),
-            ("/vehicle/pose", _pose(state.stamp_ns, state.position, state.orientation)),
+            ("/tf", b"".join(transforms)),
+            ("/vehicle/pose", pose(state.stamp_ns, state.position, state.orientation)),
             *self._box(state.stamp_ns, "vehicle"),
         ]
 
@@ -151,7 +154,7 @@ class FoxgloveView:
         return [*views, *self._box(belief.stamp_ns, "board_belief")]
 
     def _detection(self, seen: m.Detection) -> list[View]:
-        views = [("/detection/pose", _pose(seen.stamp_ns, seen.position, seen.orientation))] if seen.found else []
+        views = [("/detection/pose", pose(seen.stamp_ns, seen.position, seen.orientation))] if seen.found else []
         scale = self._scales.get(seen.stamp_ns)
         return views if scale is None else [*views, ("/camera/annotations", _outlines(seen, scale))]
 
@@ -230,22 +233,7 @@ def _outlines(seen: m.Detection, scale: int) -> bytes:
 
 
 def _body(stamp_ns: int, frame: str, topic: str, position: m.Vec3, orientation: m.Quat) -> list[View]:
-    transforms = FrameTransforms()
-    _transform(transforms, stamp_ns, "world", frame, position, orientation)
-    return [("/tf", transforms.SerializeToString()), (topic, _pose(stamp_ns, position, orientation))]
-
-
-def _transform(transforms: Any, stamp_ns: int, parent: str, child: str, translation: m.Vec3, rotation: m.Quat) -> None:
-    t = transforms.transforms.add(parent_frame_id=parent, child_frame_id=child)
-    t.timestamp.FromNanoseconds(stamp_ns)
-    t.translation.x, t.translation.y, t.translation.z = translation
-    t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z = rotation
-
-
-def _pose(stamp_ns: int, position: m.Vec3, orientation: m.Quat) -> bytes:
-    view = PoseInFrame(frame_id="world")
-    view.timestamp.FromNanoseconds(stamp_ns)
-    p, q = view.pose.position, view.pose.orientation
-    p.x, p.y, p.z = position
-    q.w, q.x, q.y, q.z = orientation
-    return view.SerializeToString()
+    return [
+        ("/tf", transform(stamp_ns, "world", frame, position, orientation)),
+        (topic, pose(stamp_ns, position, orientation)),
+    ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +21,7 @@ from mcap.records import SummaryOffset as Offset
 
 LIBRARY = "perch-hil"
 MAGIC = b"\x89MCAP0\r\n"
+_OPCODE = int(Opcode.MESSAGE)
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<BQQQQII")  # opcode, length, start, end, uncompressed size, crc, length of compression's name
 _FLUSH_NS = 1_000_000_000
@@ -32,7 +33,7 @@ class Lane:
     def __init__(self, compression: str, limit_bytes: int) -> None:
         self.compression, self.limit_bytes = compression, limit_bytes
         self.buffer = bytearray()
-        self.index: dict[int, list[int]] = {}  # channel -> flat list of log time, offset
+        self.index: dict[int, list[int]] = defaultdict(list)  # channel -> flat list of log time, offset
         self.start_ns = self.end_ns = 0
 
 
@@ -85,17 +86,18 @@ class McapWriter:
         """Append a message. Log times of one channel must not decrease."""
         lane = self._lane_of[channel - 1]
         buffer = lane.buffer
-        if not buffer:
+        at = len(buffer)
+        if not at:
             lane.start_ns = lane.end_ns = log_ns
-        elif log_ns - lane.start_ns >= _FLUSH_NS or len(buffer) >= lane.limit_bytes:
+        elif log_ns - lane.start_ns >= _FLUSH_NS or at >= lane.limit_bytes:
             self._end_chunk(lane)
-            buffer = lane.buffer
+            buffer, at = lane.buffer, 0
             lane.start_ns = lane.end_ns = log_ns
-        sequence, at = self._sequences[channel - 1], len(buffer)
+        sequence = self._sequences[channel - 1]
         # in one piece, then counted: Ctrl-C between two statements must not leave half a message
-        buffer += _MESSAGE.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, log_ns, log_ns) + data
+        buffer += _MESSAGE.pack(_OPCODE, 22 + len(data), channel, sequence, log_ns, log_ns) + data
         self._sequences[channel - 1] = sequence + 1
-        lane.index.setdefault(channel, []).extend((log_ns, at))
+        lane.index[channel] += log_ns, at
         if log_ns > lane.end_ns:
             lane.end_ns = log_ns
 
@@ -137,7 +139,8 @@ class McapWriter:
         if not lane.buffer:
             return
         raw, index = bytes(lane.buffer), lane.index
-        lane.buffer, lane.index = bytearray(), {}  # before writing: an interruption must not write it twice
+        # before writing: an interruption must not write it twice
+        lane.buffer, lane.index = bytearray(), defaultdict(list)
         stored = self._zstd.compress(raw) if lane.compression else raw
         name = lane.compression.encode()
         head = _CHUNK.pack(

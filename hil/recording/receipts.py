@@ -29,25 +29,25 @@ class Receipt:
     consumed: tuple[int, ...]
 
 
+_encoded = codec(Receipt).encode_values
+
+
 class ReceiptBook:
     """Writes the receipts of the nodes of one process. Raises RecordingError if it cannot."""
 
     def __init__(self, path: Path, nodes: Sequence[Node]) -> None:
-        self._codec, self._path = codec(Receipt), path
+        kind, self._path = codec(Receipt), path
         try:
             self._writer = McapWriter(path)
         except OSError as error:
             raise RecordingError(f"cannot write receipts to {path}: {error.strerror}") from error
-        self._channels = {
-            node.name: self._writer.channel(PREFIX + node.name, self._codec.name, self._codec.schema) for node in nodes
-        }
+        self._channels = {node.name: self._writer.channel(PREFIX + node.name, kind.name, kind.schema) for node in nodes}
         self._writer.metadata("inputs", {node.name: " ".join(node.inputs) for node in nodes})
 
     def add(self, node: str, now_ns: int, consumed: Sequence[int]) -> None:
         """Note one step of `node`."""
-        data = self._codec.encode(Receipt(now_ns, tuple(consumed)))
         try:
-            self._writer.add(self._channels[node], now_ns, data)
+            self._writer.add(self._channels[node], now_ns, _encoded((now_ns, consumed)))
         except OSError as error:
             raise RecordingError(f"writing receipts to {self._path} failed: {error.strerror}") from error
 
@@ -82,11 +82,15 @@ class Receipted(Node):
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         consumed: list[int] = []
-        for topic in self._node.inputs:
-            count, first = len(inbox.new(topic)), self._seen[topic]
+        for topic in self.inputs:
+            count = len(inbox.new(topic))
+            if not count:
+                consumed.append(0)
+                continue
+            first = self._seen[topic]
             consumed += (count, *range(first, first + count))
             self._seen[topic] = first + count
-        self._book.add(self._node.name, now_ns, consumed)
+        self._book.add(self.name, now_ns, consumed)
         return self._node.step(now_ns, inbox)
 
 

@@ -43,6 +43,7 @@ class Recorder:
         self.path = path
         self.not_shown = 0
         self._view = view
+        self._viewed = view.topics if view is not None else frozenset()
         wanted = sorted(topics) if topics is not None else [name for name, t in TOPICS.items() if t.recorded]
         unknown = [name for name in wanted if name not in TOPICS]
         if unknown:
@@ -74,8 +75,9 @@ class Recorder:
             kind = self._codecs.get(topic)
             if kind is not None:
                 self._writer.add(self._channels[topic], now_ns, kind.encode(message))
-            for view_topic, data in self._shown(topic, message):
-                self._writer.add(self._view_channels[view_topic], now_ns, data)
+            if topic in self._viewed:
+                for view_topic, data in self._shown(topic, message):
+                    self._writer.add(self._view_channels[view_topic], now_ns, data)
         except OSError as error:
             raise RecordingError(
                 f"recording to {self.path} failed at {now_ns / 1e9:.2f} s: {error.strerror}"
