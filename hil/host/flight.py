@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,6 +13,7 @@ from hil.assembly.rig import Rig
 from hil.assembly.simulation import build, counters
 from hil.contract.graph import check_graph
 from hil.contract.messages import Event, Stage
+from hil.contract.topics import TOPICS
 from hil.host.failure import why_no_attempt
 from hil.host.landing import Landing
 from hil.host.lockstep import Clock, Lockstep, Tap
@@ -22,8 +23,8 @@ from hil.recording.provenance import Code
 from hil.recording.receipts import ReceiptBook, Receipted
 from hil.recording.recorder import Recorder, RecordingError
 from hil.recording.runs import SCORE, Run, new_run, policy_identity
-from hil.scoring.flight_class import FlightClass, FlightJudge
-from hil.scoring.score import ABORTED, Score, Scorer
+from hil.scoring.flight_class import READ, FlightClass, FlightJudge
+from hil.scoring.score import ABORTED, SCORED, Score, Scorer
 from hil.wires import WireError
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import draw
@@ -43,6 +44,9 @@ class Flight:
     counters: Mapping[str, int]  # what was rejected or dropped on the way
     interrupted: bool
     flight_class: FlightClass | None = None  # None if it was interrupted
+
+
+WATCHED = ("event", "run/stage")
 
 
 class _Watch:
@@ -131,15 +135,15 @@ def fly(
             ReceiptBook(run.path / "receipts.mcap", simulation.nodes) as book,
             Recorder(run.recording, view=view) as recorder,
         ):
+            readers: list[tuple[Tap, Collection[str]]] = [
+                (recorder, TOPICS), (scorer, SCORED), (watch, WATCHED), (judge, READ), (landing, landing.topics),
+            ]  # fmt: skip
+            readers += [(viewer, TOPICS)] if viewer is not None else []
+            taps = {topic: [one for one, read in readers if topic in read] for topic in TOPICS}
 
             def tap(now: int, topic: str, message: Any) -> None:
-                recorder(now, topic, message)
-                scorer(now, topic, message)
-                watch(now, topic, message)
-                judge(now, topic, message)
-                landing(now, topic, message)
-                if viewer is not None:
-                    viewer(now, topic, message)
+                for one in taps[topic]:
+                    one(now, topic, message)
 
             run.begin(datetime.now(UTC))
 

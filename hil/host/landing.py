@@ -32,11 +32,16 @@ class Landing:
         self.trouble = ""
 
     @property
+    def topics(self) -> frozenset[str]:
+        """Those that it wants to know of."""
+        return _WATCHED if self._watched else frozenset()
+
+    @property
     def motors_off(self) -> bool:
         return all(device.safe for device in self._devices)
 
     def __call__(self, now_ns: int, topic: str, message: Any) -> None:
-        if self._watched and topic in _WATCHED:
+        if topic in self.topics:
             self._received[topic] = now_ns
 
     def over(self, now_ns: int, stage: str) -> bool:

@@ -46,18 +46,19 @@ class Lockstep:
 
     def run(self, until: Callable[[int], bool]) -> int:
         """Run until `until(now_ns)` is true, checked once per instant; returns the virtual time reached (ns)."""
-        while self._queue:
-            time_ns = self._queue[0][0]
-            if time_ns != self._clock.now_ns and until(self._clock.now_ns):
+        queue, clock, nodes = self._queue, self._clock, self._nodes
+        while queue:
+            time_ns = queue[0][0]
+            if time_ns != clock.now_ns and until(clock.now_ns):
                 break
-            self._clock.now_ns = time_ns
-            _, rank, _, out = heapq.heappop(self._queue)
+            clock.now_ns = time_ns
+            _, rank, _, out = heapq.heappop(queue)
             if out is None:
                 self._step(rank)
-                self._push(time_ns + self._nodes[rank].period_ns, rank, None)
+                self._push(time_ns + nodes[rank].period_ns, rank, None)
             else:
                 self._deliver(out)
-        return self._clock.now_ns
+        return clock.now_ns
 
     def _step(self, rank: int) -> None:
         inbox = self._inboxes[rank]
@@ -70,8 +71,9 @@ class Lockstep:
                 self._deliver(out)
 
     def _deliver(self, out: Out) -> None:
-        self._tap(self._clock.now_ns, out.topic, out.message)
-        for reader in self._readers.get(out.topic, ()):
-            self._inboxes[reader].put(out.topic, out.message)
-        for reader in self._wakes.get(out.topic, ()):
+        topic, message, _ = out
+        self._tap(self._clock.now_ns, topic, message)
+        for reader in self._readers.get(topic, ()):
+            self._inboxes[reader].put(topic, message)
+        for reader in self._wakes.get(topic, ()):
             self._step(reader)

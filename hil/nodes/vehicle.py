@@ -112,7 +112,8 @@ class VehicleLink(Node):
             return []
         contact: Contact | None = inbox.latest("referee/contact")
         lost = self._end(now_ns, contact) if contact is not None and contact.outcome != "ongoing" else ""
-        command, sent, tripped = self._checked(now_ns, self._wanted(inbox.new("policy/action")))
+        actions = inbox.new("policy/action")
+        command, sent, tripped = self._checked(now_ns, self._wanted(actions)) if actions else (None, None, "")
         if tripped and self._link.phase == "handed_over":  # not from a pilot who has taken over
             self._link.release()
         pose, refused = self._external_pose(now_ns, inbox)
