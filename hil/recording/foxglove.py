@@ -24,7 +24,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
 
 from hil.contract import messages as m
-from hil.recording.foxglove_poses import pose, transform
+from hil.recording.foxglove_poses import Pose, Transforms
 from vehicle.camera.pinhole import Camera
 
 _PERIOD_NS = 20_000_000  # of transforms and poses
@@ -93,8 +93,13 @@ class FoxgloveView:
             "camera/image": self._image,
             "event": self._event,
         }
-        self.topics = frozenset(self._views)
-        self._truth: set[str] = set()
+        self.topics, self._truth = frozenset(self._views), set[str]()
+        self._mount = self.camera.offset, optical_from_tilt(self.camera.tilt)
+        self._pose = Pose()
+        self._frames = {
+            "vehicle": Transforms(("world", "vehicle"), ("vehicle", "camera")),
+            **{frame: Transforms(("world", frame)) for frame in ("board", "board_belief")},
+        }
 
     CHANNELS = (
         ("/tf", FrameTransforms, "small"),
@@ -129,32 +134,36 @@ class FoxgloveView:
     def _vehicle(self, state: m.VehicleState) -> list[View]:
         if not self._is_due("vehicle", state.stamp_ns):
             return []
-        mount = optical_from_tilt(self.camera.tilt)
-        transforms = (
-            transform(state.stamp_ns, "world", "vehicle", state.position, state.orientation),
-            transform(state.stamp_ns, "vehicle", "camera", self.camera.offset, mount),
-        )
+        where = state.position, state.orientation
         return [
-            ("/tf", b"".join(transforms)),
-            ("/vehicle/pose", pose(state.stamp_ns, state.position, state.orientation)),
+            ("/tf", self._frames["vehicle"].filled(state.stamp_ns, where, self._mount)),
+            ("/vehicle/pose", self._pose.filled(state.stamp_ns, *where)),
             *self._box(state.stamp_ns, "vehicle"),
         ]
 
     def _board(self, state: m.BoardState) -> list[View]:
         if not self._is_due("board", state.stamp_ns):
             return []
-        views = _body(state.stamp_ns, "board", "/board/pose", state.position, state.orientation)
+        views = self._body(state.stamp_ns, "board", "/board/pose", state.position, state.orientation)
         return [*views, *self._box(state.stamp_ns, "board")]
+
+    def _body(self, stamp_ns: int, frame: str, topic: str, position: m.Vec3, orientation: m.Quat) -> list[View]:
+        moved = self._frames[frame].filled(stamp_ns, (position, orientation))
+        return [("/tf", moved), (topic, self._pose.filled(stamp_ns, position, orientation))]
 
     def _belief(self, belief: m.Belief) -> list[View]:
         if not belief.valid or not self._is_due("belief", belief.stamp_ns):
             return []
         orientation = belief_orientation(belief.heading, belief.inclination)
-        views = _body(belief.stamp_ns, "board_belief", "/belief/pose", belief.position, orientation)
+        views = self._body(belief.stamp_ns, "board_belief", "/belief/pose", belief.position, orientation)
         return [*views, *self._box(belief.stamp_ns, "board_belief")]
 
     def _detection(self, seen: m.Detection) -> list[View]:
-        views = [("/detection/pose", pose(seen.stamp_ns, seen.position, seen.orientation))] if seen.found else []
+        views = (
+            [("/detection/pose", self._pose.filled(seen.stamp_ns, seen.position, seen.orientation))]
+            if seen.found
+            else []
+        )
         scale = self._scales.get(seen.stamp_ns)
         return views if scale is None else [*views, ("/camera/annotations", _outlines(seen, scale))]
 
@@ -230,10 +239,3 @@ def _outlines(seen: m.Detection, scale: int) -> bytes:
         for x, y in zip(*(seen.corners_px[8 * tag + axis : 8 * tag + 8 : 2] for axis in (0, 1)), strict=True):
             outline.points.add(x=(x + 0.5) / scale, y=(y + 0.5) / scale)
     return view.SerializeToString()
-
-
-def _body(stamp_ns: int, frame: str, topic: str, position: m.Vec3, orientation: m.Quat) -> list[View]:
-    return [
-        ("/tf", transform(stamp_ns, "world", frame, position, orientation)),
-        (topic, pose(stamp_ns, position, orientation)),
-    ]

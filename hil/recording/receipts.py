@@ -29,7 +29,7 @@ class Receipt:
     consumed: tuple[int, ...]
 
 
-_encoded = codec(Receipt).encode_values
+_encoded = codec(Receipt).encode_fields
 
 
 class ReceiptBook:
@@ -47,7 +47,7 @@ class ReceiptBook:
     def add(self, node: str, now_ns: int, consumed: Sequence[int]) -> None:
         """Note one step of `node`."""
         try:
-            self._writer.add(self._channels[node], now_ns, _encoded((now_ns, consumed)))
+            self._writer.add(self._channels[node], now_ns, _encoded(stamp_ns=now_ns, consumed=consumed))
         except OSError as error:
             raise RecordingError(f"writing receipts to {self._path} failed: {error.strerror}") from error
 

@@ -71,14 +71,7 @@ def test_round_trip_keeps_every_bit(message):
 def test_the_bytes_are_those_that_protobuf_writes(message):
     kind = codec(type(message))
     values = {field.name: getattr(message, field.name) for field in dataclasses.fields(message)}
-    assert encode(message) == kind._proto(**values).SerializeToString()
-
-
-@pytest.mark.parametrize("zero", [0.0, -0.0, 0, False])
-def test_a_zero_is_written_as_protobuf_writes_it(zero):
-    message = messages.CarReference(0, zero, 1.0, zero, -2.0, zero)
-    values = {field.name: getattr(message, field.name) for field in dataclasses.fields(message)}
-    assert encode(message) == codec(messages.CarReference)._proto(**values).SerializeToString()
+    assert encode(message) == kind.encode_fields(**values) == kind._proto(**values).SerializeToString()
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -0.0, 5e-324])
