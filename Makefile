@@ -52,7 +52,7 @@ $(VENV)/peer: # crazyflow, in an environment of its own
 
 peer: $(VENV)/peer ## install crazyflow beside, so that `make bench` compares with it in the same run (1.2 GB)
 
-bench: $(VENV)/test ## real-time factors, renderer, detector and kernel speeds of this machine
+bench: $(VENV)/test ## what things cost on this machine, beside their marks (results/bench.json)
 	$(BIN)/python -m benchmarks
 
 TRAINED := training_runs

@@ -1,0 +1,188 @@
+"""How costs grow with their size: seconds at several sizes, and the exponent of size by which the cost grows between
+the larger ones. A cost with an exponent of at most 1.15 is called linear: noise of the machine is in it.
+
+    python -m benchmarks.bench_growth
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from hil.campaign.grid import Grid, check, left_to_do
+from hil.contract.codec import codec
+from hil.contract.topics import TOPICS
+from hil.recording import runs_table
+from hil.recording.mcap_writer import McapWriter
+from hil.recording.reader import Recording
+from hil.recording.recorder import PREFIX
+from hil.recording.runs import MANIFEST, RECORDING, SCORE, list_runs
+from hil.report import campaign
+from hil.report.write import write_report
+from policies.environment.config import EnvConfig
+from policies.environment.env import Env
+
+LINEAR = 1.15
+FLOWN = Path(__file__).parents[1] / "tests" / "data" / "runs" / "simple-ii"  # a flight of ten seconds
+_KEY = 0x08  # protobuf: field 1, a varint: every message begins with its stamp
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Seconds of `what` at each of `sizes`."""
+
+    what: str
+    sizes: tuple[int, ...]
+    seconds: tuple[float, ...]
+    peak_mb: tuple[float, ...] = ()  # of memory, where it is measured
+
+    @property
+    def exponent(self) -> float:
+        """By which the cost grows, over the upper half of the sizes: what is constant hides there least."""
+        upper = len(self.sizes) // 2 if len(self.sizes) > 3 else 0
+        size, cost = np.log(self.sizes[upper:]), np.log(self.seconds[upper:])
+        return float(np.polyfit(size, cost, 1)[0])
+
+    @property
+    def linear(self) -> bool:
+        """Whether the cost grows no faster than its size."""
+        return self.exponent <= LINEAR
+
+    def as_dict(self) -> dict:
+        """For JSON."""
+        return {**asdict(self), "exponent": self.exponent, "linear": self.linear}
+
+
+def line(one: dict) -> str:
+    """One line of a growth's table, for a terminal."""
+    word = "linear or less" if one["linear"] else "MORE THAN LINEAR"
+    sizes, seconds = one["sizes"], one["seconds"]
+    ends = ", ".join(f"{sizes[i]:,}: {seconds[i]:.3g} s" for i in sorted({0, len(sizes) - 1}))
+    return f"{one['what']:52s} {ends:34s} exponent {one['exponent']:5.2f}: {word}"
+
+
+def grown(what: str, sizes: Sequence[int], cost: Callable[[int], float]) -> Growth:
+    """`cost(size)` in seconds at each size."""
+    return Growth(what, tuple(sizes), tuple(cost(size) for size in sizes))
+
+
+def timed(call: Callable[[], object]) -> float:
+    """Seconds that `call` takes."""
+    begun = time.perf_counter()
+    call()
+    return time.perf_counter() - begun
+
+
+def environment_step(stage: str, count: int) -> float:
+    """Seconds of one control step of `count` rows, the least of some."""
+    env = Env(EnvConfig(stage=stage, count=count, seed=1, horizon=80, future_stride=5))
+    env.reset()
+    actions = np.random.default_rng(1).normal(0.0, 0.1, (count, 4))
+    env.step(actions)
+    return min(timed(lambda: env.step(actions)) for _ in range(5))
+
+
+def report_cost(seconds: int) -> tuple[float, float]:
+    """Seconds of the report of a recording as long as `seconds`, and the largest memory of its process, MB."""
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(1, get_context("spawn")) as process:
+        run = longer_run(Path(folder) / "run", seconds)
+        return process.submit(_report, run).result()
+
+
+def _report(run: Path) -> tuple[float, float]:
+    seconds = timed(lambda: write_report([run]))
+    return seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def longer_run(folder: Path, seconds: int) -> Path:
+    """A run of about `seconds` in `folder`: a short flight's messages again and again, each later by its length."""
+    shutil.copytree(FLOWN, folder)
+    (folder / RECORDING).unlink()
+    flown, writer = Recording(FLOWN / RECORDING), McapWriter(folder / RECORDING)
+    kinds = {PREFIX + name: codec(topic.message) for name, topic in TOPICS.items() if PREFIX + name in flown.topics}
+    channels = {topic: writer.channel(topic, kind.name, kind.schema) for topic, kind in kinds.items()}
+    messages = list(flown.raw(kinds))
+    length = messages[-1].log_ns - messages[0].log_ns + 1
+    for turn in range(max(1, round(seconds * 1e9 / length))):
+        for raw in messages:
+            writer.add(channels[raw.topic], raw.log_ns + turn * length, _later(raw.data, turn * length))
+    writer.close()
+    return folder
+
+
+def _later(data: bytes, by_ns: int) -> bytes:
+    """The message with its stamp `by_ns` later, if it begins with one."""
+    if not data or data[0] != _KEY or not by_ns:
+        return data
+    end = next(i for i in range(1, len(data)) if data[i] < 0x80) + 1
+    stamp = sum((byte & 0x7F) << 7 * i for i, byte in enumerate(data[1:end])) + by_ns
+    out = bytearray((_KEY,))
+    while stamp > 0x7F:
+        out.append(stamp & 0x7F | 0x80)
+        stamp >>= 7
+    return bytes((*out, stamp)) + data[end:]
+
+
+def list_seconds(count: int) -> float:
+    """Seconds of `perch-hil runs list` on a folder of `count` runs."""
+    with tempfile.TemporaryDirectory() as folder:
+        _runs(Path(folder), count)
+        return timed(lambda: runs_table.table(runs_table.rows(Path(folder))))
+
+
+def campaign_own_seconds(seeds: int) -> float:
+    """Seconds of a campaign of `seeds` without its flights: what is left to do, and the page."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        _runs(out, seeds)
+        grid = Grid(("simple-ii",), ("planner",), range(seeds), "sim", "pictures", "none", out)
+
+        def work() -> None:
+            left_to_do(grid, check(grid))
+            campaign.render(list_runs(out))
+
+        return timed(work)
+
+
+def _runs(out: Path, count: int) -> None:
+    """`count` runs in `out`, without recordings, each of its own seed."""
+    manifest, score = (json.loads((FLOWN / name).read_text()) for name in (MANIFEST, SCORE))
+    for seed in range(count):
+        run = out / f"20260101T000000Z_simple-ii_sim-seed{seed}"
+        run.mkdir()
+        (run / MANIFEST).write_text(json.dumps({**manifest, "seed": seed}))
+        (run / SCORE).write_text(json.dumps({**score, "seed": seed}))
+
+
+def measure(
+    rows: Sequence[int], recordings: Sequence[int], folders: Sequence[int], seeds: Sequence[int]
+) -> list[Growth]:
+    """Every growth at the sizes given: rows, seconds, runs, seeds."""
+    reports = [report_cost(size) for size in recordings]
+    return [
+        *(
+            grown(f"a control step of the environment, {stage}, by rows", rows, partial(environment_step, stage))
+            for stage in ("state", "vision")
+        ),
+        Growth("the report, by seconds recorded", tuple(recordings), *map(tuple, zip(*reports, strict=True))),
+        grown("the list of runs, by runs", folders, list_seconds),
+        grown("a campaign without its flights, by seeds", seeds, campaign_own_seconds),
+    ]
+
+
+SIZES = ((256, 1024, 4096, 16384, 65536), (10, 60, 300, 1800), (10, 100, 1000, 10000), (1, 10, 100, 1000))
+
+if __name__ == "__main__":
+    for found in measure(*SIZES):
+        print(line(found.as_dict()))
