@@ -137,7 +137,7 @@ def rows(sizes: Sizes, found: dict[str, Any]) -> Iterator[Row]:
     report = next(one for one in grown if one.peak_mb)
     half_hour = report.sizes[-1] == 1800
     what = f"report of {report.sizes[-1]} s recorded"
-    yield Row(what, report.seconds[-1], "s", 15.0 if half_hour else None, less=True)
+    yield Row(what, report.seconds[-1], "CPU s", 15.0 if half_hour else None, less=True)
     yield Row(f"{what}, memory", report.peak_mb[-1], "MB", 500.0 if half_hour else None, less=True)
 
 

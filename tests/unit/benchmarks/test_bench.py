@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import benchmarks.__main__ as bench
-from benchmarks import bench_env
+from benchmarks import bench_env, bench_growth
 from benchmarks.bench_growth import Growth
 
 TINY = bench.Sizes(
@@ -18,6 +18,7 @@ TINY = bench.Sizes(
 @pytest.mark.slow
 def test_bench_writes_machine_load_rows_shares_and_growth(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bench_env, "PEER_PYTHON", Path("no such python"))
+    monkeypatch.setattr(bench_growth, "_ROWS", 8)
     monkeypatch.setattr(bench, "Sizes", lambda: TINY)
     monkeypatch.setattr("sys.argv", ["bench", "--out", str(tmp_path / "bench.json")])
     bench.main()
