@@ -18,7 +18,7 @@ from vehicle.camera.distortion import drawn_camera, picture_maps
 from vehicle.camera.pinhole import Camera
 from vehicle.quadrotor import state_row
 from vehicle.render.board import MAX_SAMPLES, draw_face, face_box, face_texture
-from vehicle.render.ground import draw_ground, ground_pyramid
+from vehicle.render.ground import doubled, draw_ground, ground_pyramid
 from vehicle.render.pose import MOTION_DIM, camera_at
 from vehicle.render.scene import car_faces, draw_faces, lambert, slab_faces
 from vehicle.render.sensor import Sensor, expose, noise_tile, vignette
@@ -81,7 +81,7 @@ class Renderer:
     def _draw_background(self, R: np.ndarray, p: np.ndarray, board_p: np.ndarray, board_R: np.ndarray) -> None:
         draw_ground(self._background, R, p, self._cam, _STEP, *self._ground)
         draw_faces(self._background, *car_faces(board_p, board_R), R, p, self._cam, _STEP)
-        cv2.resize(self._background, self._light.shape[::-1], dst=self._light, interpolation=cv2.INTER_LINEAR)
+        doubled(self._background, self._light)
 
     def _draw_board(
         self, R: np.ndarray, p: np.ndarray, vehicle: np.ndarray, board: np.ndarray, board_R: np.ndarray, exposure: float

@@ -1,5 +1,6 @@
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -7,6 +8,7 @@ from tests.unit.vehicle.render.camera_scene import BOARD, CAMERA, ROW, board_in_
 from vehicle.apriltag.library import TagDetector
 from vehicle.camera.pinhole import Camera
 from vehicle.render.board import MAX_SAMPLES, sample_offsets
+from vehicle.render.ground import doubled
 from vehicle.render.pose import board_in_camera_at, camera_at, face_from_pixel, motion_row
 from vehicle.render.renderer import Renderer
 from vehicle.render.sensor import Sensor
@@ -14,6 +16,16 @@ from vehicle.render.sensor import Sensor
 QUIET = Sensor(read_noise=0.1, electrons_per_dn=1e5, vignetting=0.0)
 RENDERER = Renderer(CAMERA, BOARD, 1, QUIET)
 STILL = 0
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (3, 5), (36, 64)])
+def test_background_is_enlarged_as_opencv_does_it(shape):
+    rng = np.random.default_rng(sum(shape))
+    for image in (rng.integers(0, 256, shape), 255 * rng.integers(0, 2, shape), np.full(shape, 255)):
+        small, out = image.astype(np.uint8), np.empty((2 * shape[0], 2 * shape[1]), np.uint8)
+        doubled(small, out)
+        theirs = cv2.resize(small, out.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        assert np.abs(out.astype(int) - theirs).max() <= 1  # its own rounding differs between processors
 
 
 def test_pose_kernels_agree_with_the_camera():
