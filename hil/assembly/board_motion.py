@@ -34,9 +34,8 @@ class Ride:
 
     def at(self, seconds: float, since_start: float | None) -> tuple[float, float, float]:
         """(height m, its rate m/s, inclination rad) at `seconds` of the run; `since_start`: s since the car set off."""
-        found = [
-            (base + law.at(seconds)[0], law.at(seconds)[1]) for base, law in zip(self._set, self._sines, strict=True)
-        ]
+        moved = [law.at(seconds) for law in self._sines]
+        found = [(base + value, rate) for base, (value, rate) in zip(self._set, moved, strict=True)]
         if self._recorded is not None:
             row = self._recorded.at(since_start or 0.0)
             ahead = self._recorded.at((since_start or 0.0) + _STEP)
