@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kernel.clip import usable
+from kernel.jit import njit
 from kernel.stamps import later_than_now
 from policies.estimation import belief_row, belief_state, measured_row
 from policies.estimation.board_ekf import (
@@ -44,6 +45,14 @@ class BoardEstimate(NamedTuple):
     acceleration: float  # m/s^2, along the heading
     streak: int  # measurements accepted since the last (re)start
     surface_sigma: float  # m, of the board's surface along its normal at the newest exposure
+
+
+@njit
+def _estimate(row, t, params, out, x, p):
+    """All of an estimate at time `t` (s) in one call: fills `out`, `x` and `p`, returns (rho, valid, surface sigma)."""
+    rho = belief_predict(row, t, params, out)
+    belief_covariance(row, t, params, x, p)
+    return rho, belief_valid(row, t, params), surface_sigma(row)
 
 
 class BoardFilter:
@@ -99,24 +108,22 @@ class BoardFilter:
 
     def estimate(self, now_ns: int) -> BoardEstimate:
         """The board predicted to `now_ns`."""
-        t = self.seconds(now_ns)
-        rho = belief_predict(self.row, t, self.params, self._out)
-        belief_covariance(self.row, t, self.params, self._x, self._p)
-        x, y, z, heading, speed, turn, inclination, _ = (float(value) for value in self._out)
+        rho, valid, sigma = _estimate(self.row, self.seconds(now_ns), self.params, self._out, self._x, self._p)
+        x, y, z, heading, speed, turn, inclination, _ = self._out.tolist()
         return BoardEstimate(
             now_ns,
-            bool(belief_valid(self.row, t, self.params)),
+            valid,
             (x, y, z),
             heading,
             speed,
             turn,
             inclination,
-            float(rho),
+            rho,
             self._exposure_ns,
             int(self.row[belief_row.ACCEPTED]),
             int(self.row[belief_row.REJECTED]),
-            tuple(float(v) for v in self._p[:: belief_state.DIM + 1]),
+            tuple(self._p[:: belief_state.DIM + 1].tolist()),
             float(self._x[belief_state.ACCELERATION]),
             int(self.row[belief_row.STREAK]),
-            float(surface_sigma(self.row)),
+            sigma,
         )

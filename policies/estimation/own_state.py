@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from kernel.jit import njit
 from kernel.rotations import body_z
 from policies.estimation import odometry_row, thrust_row
-from policies.estimation.odometry import odometry_now
+from policies.estimation.odometry import vehicle_now
 from policies.estimation.thrust_drag import gain_reset, gain_update
 from policies.task.interface import VehicleView
 from vehicle.quadrotor.airframe import GRAVITY, Airframe
 
 WAIT = 0.01  # s from a command to its arrival at the motors
+
+
+@njit
+def _update(age, p, v, q, w, asked, dt, lag, drag, row, now):
+    """One control tick of the thrust row `row`, and the odometry `age` s later into `now` (odometry_row). Returns the
+    gain. Other arguments as of `vehicle_now` and `gain_update`."""
+    vehicle_now(age, p, v, q, w, row[thrust_row.GAIN] * row[thrust_row.LAGGED], row[thrust_row.DRAG], now)
+    vx, vy, vz = now[odometry_row.V], now[odometry_row.V + 1], now[odometry_row.V + 2]
+    zx, zy, zz = body_z(now[odometry_row.Q : odometry_row.DIM])
+    return gain_update(row, vx, vy, vz, zx, zy, zz, asked, dt, lag, drag, GRAVITY)
 
 
 class OwnState:
@@ -24,7 +35,11 @@ class OwnState:
     def __init__(self, airframe: Airframe) -> None:
         self._drag = sum(airframe.body.drag[:2]) / 2 / airframe.body.mass
         self._lag = airframe.motors.lag + WAIT
-        self._row, self._now = np.zeros(thrust_row.DIM), np.zeros(odometry_row.DIM)
+        self._row, now = np.zeros(thrust_row.DIM), np.zeros(odometry_row.DIM)
+        self.position = now[odometry_row.P : odometry_row.V]
+        self.velocity = now[odometry_row.V : odometry_row.Q]
+        self.orientation = now[odometry_row.Q : odometry_row.DIM]
+        self._now = now
         self.reset(0)
 
     def reset(self, now_ns: int) -> None:
@@ -34,11 +49,9 @@ class OwnState:
 
     def update(self, now_ns: int, vehicle: VehicleView, asked: float) -> None:
         """One control tick. `asked` m/s^2: the thrust flown since the last call."""
-        row = self._row
-        now = odometry_now(
-            now_ns, vehicle, row[thrust_row.GAIN] * row[thrust_row.LAGGED], row[thrust_row.DRAG], self._now
-        )
-        self.position, self.velocity, self.orientation = now
-        axis, dt = body_z(self.orientation), (now_ns - self._last_ns) * 1e-9
-        self.gain = gain_update(row, *self.velocity, *axis, asked, dt, self._lag, self._drag, GRAVITY)
-        self.drag, self._last_ns = row[thrust_row.DRAG], now_ns
+        age, dt = (now_ns - vehicle.stamp_ns) * 1e-9, (now_ns - self._last_ns) * 1e-9
+        self.gain = _update(
+            age, vehicle.position, vehicle.velocity, vehicle.orientation, vehicle.body_rate, asked, dt, self._lag,
+            self._drag, self._row, self._now,
+        )  # fmt: skip
+        self.drag, self._last_ns = self._row[thrust_row.DRAG], now_ns

@@ -56,12 +56,12 @@ class OnnxPolicy:
             now_ns, own.position, own.velocity, own.orientation, board.rho, self._action, own.gain, own.drag,
             board.surface_sigma,
         )  # fmt: skip
-        raw = self._network.run(observation[None])[0].astype(np.float64)
-        if not np.isfinite(raw).all():
+        raw = self._network.run(observation[None])[0].tolist()
+        if not math.isfinite(sum(raw)):
             return no_command(True, "the network's output is not finite")
-        self._action[:] = np.clip(raw, -1.0, 1.0)
+        self._action[:] = [min(1.0, max(-1.0, value)) for value in raw]
         command_from_action(self._action, self._limits, self._command)
-        p, q, r, thrust = (float(value) for value in self._command)
+        p, q, r, thrust = self._command.tolist()
         return Command(True, (p, q, r), thrust, "network", float(own.gain))
 
     def flown(self, body_rate: Vec3, thrust: float) -> None:
