@@ -15,4 +15,5 @@ ERROR = 47  # m, of the believed position now
 PENDING = 48  # detections under way
 QUEUE = 49  # QUEUE_LENGTH slots of [arrival, exposure, z (5), r (5)]
 QUEUE_LENGTH, SLOT = 8, 12
-DIM = QUEUE + QUEUE_LENGTH * SLOT
+FORESEEN = QUEUE + QUEUE_LENGTH * SLOT  # last step of the track that is among the row's `ahead`
+DIM = FORESEEN + 1

@@ -15,7 +15,14 @@ from policies.estimation.board_ekf import surface_sigma
 from policies.estimation.own_state import WAIT
 from policies.estimation.thrust_drag import gain_update
 from policies.task import entry_row
-from policies.task.observation import build_observation, push_history, relative_entry, write_entry, yaw_axes
+from policies.task.observation import (
+    build_observation,
+    entry_place,
+    push_history,
+    relative_entries,
+    write_entry,
+    yaw_axes,
+)
 from vehicle.quadrotor import airframe_row, command_row, state_row
 from vehicle.quadrotor.airframe import GRAVITY
 
@@ -47,10 +54,11 @@ def perceive(rows, i, shared, board, latency):
 
 
 @njit
-def odometry(rows, i):
-    """The vehicle's own estimate, into the scratch row: position, velocity, orientation with odometry noise."""
-    vehicle, rng, x = rows.vehicle[i], rows.rng[i], rows.scratch[i]
-    scale = rows.state[i, episode_row.ODOMETRY]
+def odometry(vehicle, scale, rng, x):
+    """The vehicle's own estimate, into the scratch row `x`: position, velocity, orientation with odometry noise.
+
+    `vehicle`: its state row; `scale` of the noise.
+    """
     x[scratch_row.P : scratch_row.P + 3] = vehicle[state_row.P : state_row.P + 3]
     x[scratch_row.V : scratch_row.V + 3] = vehicle[state_row.V : state_row.V + 3]
     x[scratch_row.Q : scratch_row.Q + 4] = vehicle[state_row.Q : state_row.Q + 4]
@@ -64,18 +72,19 @@ def odometry(rows, i):
 
 
 @njit
-def own_gain(rows, i, shared):
-    """(achieved over asked thrust, drag 1/s) as row i has estimated them."""
-    if shared.config[config_row.GAIN_SLOT] > 0.0:
-        return rows.gain[i, thrust_row.GAIN], rows.gain[i, thrust_row.DRAG]
-    return 1.0, shared.nominal[airframe_row.DRAG] / shared.nominal[airframe_row.MASS]
+def own_gain(gain, config, nominal):
+    """(achieved over asked thrust, drag 1/s) as the thrust row `gain` has estimated them."""
+    if config[config_row.GAIN_SLOT] > 0.0:
+        return gain[thrust_row.GAIN], gain[thrust_row.DRAG]
+    return 1.0, nominal[airframe_row.DRAG] / nominal[airframe_row.MASS]
 
 
 @njit
-def own_sigma(rows, i, shared):
-    """One-sigma of the board's surface for row i, m along its normal; 0 if the policy receives truth or raw poses."""
-    seeing = shared.config[config_row.VISION] > 0.0 and shared.config[config_row.AUGMENTATION] > 0.0
-    return surface_sigma(rows.belief[i]) if seeing else 0.0
+def own_sigma(belief, config):
+    """One-sigma of the board's surface in a belief row, m along its normal; 0 if the policy receives truth or raw
+    poses."""
+    seeing = config[config_row.VISION] > 0.0 and config[config_row.AUGMENTATION] > 0.0
+    return surface_sigma(belief) if seeing else 0.0
 
 
 @njit
@@ -86,10 +95,27 @@ def shown_odometry(scratch):
 
 
 @njit
-def shown_rho(shared, rho):
+def shown_rho(config, rho):
     """The rho that a policy receives: 1 in the ablations without it, and on raw poses."""
-    c = shared.config
-    return rho if c[config_row.RHO] > 0.0 and c[config_row.AUGMENTATION] > 0.0 else 1.0
+    return rho if config[config_row.RHO] > 0.0 and config[config_row.AUGMENTATION] > 0.0 else 1.0
+
+
+@njit
+def _foresee(state, motion, track, rng, ahead, vehicle, q, stride, out):
+    """Write the critic's future to `out`: true boards, `stride` control steps apart, relative to the vehicle's row.
+
+    `q` (4,): its estimated orientation, in whose yaw frame they are; `ahead`: ring of the `track`'s next steps.
+    """
+    begin = int(state[episode_row.STEP])
+    last = begin + FUTURE * stride
+    state[episode_row.FILLED] = extend_track(motion, track, int(state[episode_row.FILLED]), last, rng)
+    for step in range(max(begin, int(state[episode_row.FORESEEN])) + 1, last + 1):
+        at = entry_place(step, stride, FUTURE)
+        write_entry(track[step], step * TICK, ahead[at : at + entry_row.DIM])
+    state[episode_row.FORESEEN] = last
+    cos, sin = yaw_axes(q)
+    p = vehicle[state_row.P : state_row.P + 3]
+    relative_entries(ahead, stride, FUTURE, last, FUTURE, p, cos, sin, begin * TICK, out)
 
 
 @njit
@@ -99,7 +125,7 @@ def observe(rows, i, shared, rho):
     `rho`: the belief's. An ablation whose policy does not receive it is still evaluated by it.
     """
     c, state, x = shared.config, rows.state[i], rows.scratch[i]
-    odometry(rows, i)
+    odometry(rows.vehicle[i], state[episode_row.ODOMETRY], rows.rng[i], x)
     p, v, q = shown_odometry(x)
     if c[config_row.GAIN_SLOT] > 0.0:
         zx, zy, zz = body_z(q)
@@ -110,19 +136,13 @@ def observe(rows, i, shared, rho):
         )
         expected /= shared.nominal[airframe_row.MASS]
         gain_update(rows.gain[i], v[0], v[1], v[2], zx, zy, zz, asked, TICK, lag, expected, GRAVITY)
-    gain, drag = own_gain(rows, i, shared)
-    sigma, stride = own_sigma(rows, i, shared), int(c[config_row.STRIDE])
+    gain, drag = own_gain(rows.gain[i], c, shared.nominal)
+    sigma, stride = own_sigma(rows.belief[i], c), int(c[config_row.STRIDE])
     now = state[episode_row.STEP] * TICK
     action = state[episode_row.ACTION : episode_row.ACTION + 4]
-    shown = shown_rho(shared, rho)
+    shown = shown_rho(c, rho)
     build_observation(rows.history[i], p, v, q, shown, action, gain, drag, sigma, stride, now, rows.observation[i])
-    cos, sin = yaw_axes(q)
-    ahead, begin = int(c[config_row.FUTURE_STRIDE]), int(state[episode_row.STEP])
-    wanted = min(begin + FUTURE * ahead, rows.track.shape[1] - 1)
-    state[episode_row.FILLED] = extend_track(
-        rows.motion[i], rows.track[i], int(state[episode_row.FILLED]), wanted, rows.rng[i]
-    )
-    for k in range(FUTURE):
-        step = min(begin + (k + 1) * ahead, rows.track.shape[1] - 1)
-        write_entry(rows.track[i, step], step * TICK, x, 0)
-        relative_entry(x, 0, rows.vehicle[i], cos, sin, now, rows.future[i], k * entry_row.DIM)
+    _foresee(
+        state, rows.motion[i], rows.track[i], rows.rng[i], rows.ahead[i], rows.vehicle[i], q,
+        int(c[config_row.FUTURE_STRIDE]), rows.future[i],
+    )  # fmt: skip

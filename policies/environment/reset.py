@@ -101,7 +101,7 @@ def _watch(rows, i, shared, steps):
     )
     for k in range(steps + 1):
         state[episode_row.STEP] = k
-        perceive(rows, i, shared, rows.track[i, k], latency_now(rows, i) if k > 0 or steps > 0 else 0.0)
+        perceive(rows, i, shared, rows.track[i, k], latency_now(state, rows.rng[i]) if k > 0 or steps > 0 else 0.0)
         if k < steps:
             gain_update(rows.gain[i], 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, hover, TICK, 0.045, drag, GRAVITY)
     now = state[episode_row.STEP] * TICK
@@ -127,7 +127,7 @@ def reset_row(rows, i, shared):
         )
         anchor = steps if uniform(rng, 0.0, 1.0) < 0.5 else 0
         _place(rows, i, shared, rows.track[i, anchor], warm)
-        if vision and look(rows, i, shared, rows.track[i, anchor]) == 0 and attempt < _TRIES - 1:
+        if vision and look(rows.vehicle[i], rows.track[i, anchor], rows.camera[i], state) == 0 and attempt < _TRIES - 1:
             continue
         state[episode_row.EXPOSURE], state[episode_row.BEGIN] = 0.0, steps
         state[episode_row.RAW : episode_row.DIM] = 0.0  # left over from a failed try

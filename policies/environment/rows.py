@@ -30,6 +30,7 @@ class Rows(NamedTuple):
     motion: np.ndarray  # (N, MOTION_DIM) state of the board's motion at the end of the track
     track: np.ndarray  # (N, T, 8) true board rows, step by step since the reset, known to episode_row.FILLED
     belief: np.ndarray  # (N, belief_row.DIM)
+    ahead: np.ndarray  # (N, FUTURE * future_stride * entry_row.DIM) the true board's next steps (entry_place)
     history: np.ndarray  # (N, history_dim)
     camera: np.ndarray  # (N, camera_row.DIM)
     gain: np.ndarray  # (N, thrust_row.DIM)
@@ -81,6 +82,7 @@ def allocate(config: EnvConfig) -> Rows:
         motion=zeros(MOTION_DIM),
         track=zeros(track_length(config), 8),
         belief=zeros(belief_row.DIM),
+        ahead=zeros(FUTURE * config.future_stride * entry_row.DIM),
         history=zeros(history_dim(config.stride)),
         camera=zeros(camera_row.DIM),
         gain=zeros(thrust_row.DIM),

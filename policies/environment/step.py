@@ -30,53 +30,51 @@ from vehicle.quadrotor.batch import LANES, fly_block
 
 
 @njit
-def _guide(rows, i, shared, command):
-    """Guidance on `command` (4,), from what the policy of row i received. True if a law changed it."""
-    p, v, q = shown_odometry(rows.scratch[i])
-    gain, drag = own_gain(rows, i, shared)
-    sigma, previous = own_sigma(rows, i, shared), rows.state[i, episode_row.COMMAND : episode_row.COMMAND + 4]
-    laws = guide(command, p, v, q, rows.believed[i], sigma, previous, gain, drag, shared.guidance)
-    return laws not in (0, NOT_FINITE)
+def _ask(action, limits, x):
+    """The action as it is flown, clipped to [-1, 1], and its command, into the scratch row `x`."""
+    for k in range(4):
+        x[scratch_row.FLOWN + k] = min(1.0, max(-1.0, action[k]))
+    flown = x[scratch_row.FLOWN : scratch_row.FLOWN + 4]
+    command_from_action(flown, limits, x[scratch_row.COMMAND : scratch_row.COMMAND + 4])
 
 
 @njit
-def _order(rows, i, shared, action):
-    """Fill the order row of row i for this step: the commands before act until the new one arrives."""
-    state, command, order = rows.state[i], rows.scratch[i, scratch_row.COMMAND : scratch_row.COMMAND + 4], rows.order[i]
-    flown = rows.scratch[i, scratch_row.FLOWN : scratch_row.FLOWN + 4]
-    for k in range(4):
-        flown[k] = min(1.0, max(-1.0, action[k]))
-    command_from_action(flown, shared.limits, command)
-    if shared.config[config_row.GUIDANCE] > 0.0 and _guide(rows, i, shared, command):
-        action_from_command(command, shared.limits, flown)
-    substeps = int(shared.config[config_row.SUBSTEPS])
+def _guide(rows, i, shared):
+    """Guidance on the command in row i's scratch row, from what its policy received."""
+    x = rows.scratch[i]
+    p, v, q = shown_odometry(x)
+    gain, drag = own_gain(rows.gain[i], shared.config, shared.nominal)
+    sigma = own_sigma(rows.belief[i], shared.config)
+    command = x[scratch_row.COMMAND : scratch_row.COMMAND + 4]
+    previous = rows.state[i, episode_row.COMMAND : episode_row.COMMAND + 4]
+    if guide(command, p, v, q, rows.believed[i], sigma, previous, gain, drag, shared.guidance) not in (0, NOT_FINITE):
+        action_from_command(command, shared.limits, x[scratch_row.FLOWN : scratch_row.FLOWN + 4])
+
+
+@njit
+def _order(state, command, substeps, order):
+    """Fill the order row of this step: the commands before act until `command` (4,) arrives."""
     whole = int(state[episode_row.DELAY]) // substeps
     order[order_row.SINCE] = int(state[episode_row.DELAY]) % substeps
-    order[order_row.NEWER : order_row.NEWER + 4] = (
-        command if whole == 0 else state[episode_row.COMMAND : episode_row.COMMAND + 4]
-    )
-    order[order_row.OLDER : order_row.OLDER + 4] = (
-        state[episode_row.COMMAND : episode_row.COMMAND + 4]
-        if whole == 0
-        else state[episode_row.BEFORE : episode_row.BEFORE + 4]
-    )
-    state[episode_row.BEFORE : episode_row.BEFORE + 4] = state[episode_row.COMMAND : episode_row.COMMAND + 4]
-    state[episode_row.COMMAND : episode_row.COMMAND + 4] = command
+    for k in range(4):
+        last, before = state[episode_row.COMMAND + k], state[episode_row.BEFORE + k]
+        order[order_row.NEWER + k] = command[k] if whole == 0 else last
+        order[order_row.OLDER + k] = last if whole == 0 else before
+        state[episode_row.BEFORE + k], state[episode_row.COMMAND + k] = last, command[k]
 
 
 @njit
-def _active(rows, i, shared, board, now):
-    """Active-perception terms of row i (paper Sec. "Active Perception Rewards")."""
-    vehicle, state = rows.vehicle[i], rows.state[i]
+def _active(vehicle, board, camera, error, unseen, weights, terms):
+    """Active-perception terms (paper Sec. "Active Perception Rewards").
+
+    `error` m of the believed position; `unseen` s since the newest accepted detection.
+    """
     q = vehicle[state_row.Q : state_row.Q + 4]
-    cx, cy, cz = camera_position(vehicle[state_row.P : state_row.P + 3], q, rows.camera[i])
-    ax, ay, az = optical_axis(q, rows.camera[i])
+    cx, cy, cz = camera_position(vehicle[state_row.P : state_row.P + 3], q, camera)
+    ax, ay, az = optical_axis(q, camera)
     dx, dy, dz = board[board_row.X] - cx, board[board_row.Y] - cy, board[board_row.Z] - cz
     cosine = (dx * ax + dy * ay + dz * az) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-6)
-
-    active_perception(
-        state[episode_row.ERROR], cosine, now - rows.belief[i, belief_row.TIME], shared.weights, rows.terms[i]
-    )
+    active_perception(error, cosine, unseen, weights, terms)
 
 
 @njit
@@ -98,12 +96,13 @@ def _follow(rows, i, shared):
         vehicle[state_row.W : state_row.W + 3],
     )
     outcome = evaluate(p, v, q, w, board, elapsed, shared.rules, rows.result[i])
-    rho = perceive(rows, i, shared, board, latency_now(rows, i))
+    rho = perceive(rows, i, shared, board, latency_now(state, rows.rng[i]))
     terms, weights = rows.terms[i], shared.weights
     flown = x[scratch_row.FLOWN : scratch_row.FLOWN + 4]
     shaping(p, v, q, w, board, flown, state[episode_row.ACTION : episode_row.ACTION + 4], weights, terms)
     if c[config_row.VISION] > 0.0:
-        _active(rows, i, shared, board, state[episode_row.STEP] * TICK)
+        unseen = state[episode_row.STEP] * TICK - rows.belief[i, belief_row.TIME]
+        _active(vehicle, board, rows.camera[i], state[episode_row.ERROR], unseen, weights, terms)
     terminal(rows.result[i], shared.rules, weights, terms)
     reward = total(terms)
     rows.reward[i] = reward
@@ -151,7 +150,11 @@ def step_rows(rows, shared, actions):
         first = block * LANES
         last = min(first + LANES, count)
         for i in range(first, last):
-            _order(rows, i, shared, actions[i])
+            x = rows.scratch[i]
+            _ask(actions[i], shared.limits, x)
+            if shared.config[config_row.GUIDANCE] > 0.0:
+                _guide(rows, i, shared)
+            _order(rows.state[i], x[scratch_row.COMMAND : scratch_row.COMMAND + 4], substeps, rows.order[i])
         fly_block(rows.vehicle, rows.order, rows.params, first, TICK / substeps, substeps)
         for i in range(first, last):
             _follow(rows, i, shared)

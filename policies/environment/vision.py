@@ -22,28 +22,32 @@ _JITTER = 0.003  # s, half-width of the detector's latency within an episode
 
 
 @njit
-def look(rows, i, shared, board):
-    """Store and return whether the board is visible now (1 or 0). `board` (8,): the true board row."""
-    vehicle = rows.vehicle[i]
-    seen = board_row_visibility(
-        vehicle[state_row.P : state_row.P + 3], vehicle[state_row.Q : state_row.Q + 4], board, rows.camera[i]
-    )
-    rows.state[i, episode_row.VISIBLE] = seen
+def look(vehicle, board, camera, state):
+    """Store in an episode's `state` and return whether the board is visible now (1 or 0).
+
+    `board` (8,): the true board row; `vehicle`, `camera`: the episode's rows.
+    """
+    p, q = vehicle[state_row.P : state_row.P + 3], vehicle[state_row.Q : state_row.Q + 4]
+    seen = board_row_visibility(p, q, board, camera)
+    state[episode_row.VISIBLE] = seen
     return seen
 
 
 @njit
-def expose(rows, i, shared, board, now, latency):
-    """Expose a picture if one is due at `now` (s); a visible board gives a detection that arrives `latency` s later.
-
-    `board` (8,): the true board row.
-    """
-    state, vehicle, x = rows.state[i], rows.vehicle[i], rows.scratch[i]
+def _due(state, now):
+    """Whether an exposure is due at `now` (s) and will give a detection; sets the time of the next one."""
     if now < state[episode_row.EXPOSURE] - 1e-9:
-        return
+        return False
     state[episode_row.EXPOSURE] = max(state[episode_row.EXPOSURE] + state[episode_row.PERIOD], now + 0.5 * TICK)
-    if state[episode_row.VISIBLE] == 0.0 or state[episode_row.PENDING] >= episode_row.QUEUE_LENGTH:
-        return
+    return state[episode_row.VISIBLE] > 0.0 and state[episode_row.PENDING] < episode_row.QUEUE_LENGTH
+
+
+@njit
+def _expose(vehicle, board, camera, noise, state, rng, x, now, latency):
+    """Expose a picture at `now` (s): its detection arrives `latency` s later.
+
+    `board` (8,): the true board row; `x`: the scratch row; the others are the episode's rows.
+    """
     observed, q, v = (
         x[scratch_row.OBSERVED : scratch_row.OBSERVED + detection_row.DIM],
         x[scratch_row.Q : scratch_row.Q + 4],
@@ -58,15 +62,15 @@ def expose(rows, i, shared, board, now, latency):
         board[board_row.X : board_row.Z + 1],
         q,
         v,
-        rows.camera[i],
-        shared.noise,
+        camera,
+        noise,
         state[episode_row.NOISE],
         state[episode_row.BIAS : episode_row.BIAS + bias_row.DIM],
-        rows.rng[i],
+        rng,
         observed,
     )
     sigma = x[scratch_row.SIGMA : scratch_row.SIGMA + 3]
-    axis = optical_axis(vehicle[state_row.Q : state_row.Q + 4], rows.camera[i])
+    axis = optical_axis(vehicle[state_row.Q : state_row.Q + 4], camera)
     across, along = observed[detection_row.SIGMA_LATERAL], observed[detection_row.SIGMA_DEPTH]
     lateral, depth = across * across, along * along
     dx, dy, dz = (
@@ -92,15 +96,14 @@ def expose(rows, i, shared, board, now, latency):
 
 
 @njit
-def deliver(rows, i, shared, now):
-    """Update the filter with every detection that has arrived by `now` (s)."""
-    state = rows.state[i]
+def deliver(state, belief, params, now):
+    """Update the filter, a `belief` row of parameters `params`, with every detection that has arrived by `now` (s)."""
     while state[episode_row.PENDING] > 0.0 and state[episode_row.QUEUE] <= now + 1e-9:
         z, r = (
             state[episode_row.QUEUE + 2 : episode_row.QUEUE + 7],
             state[episode_row.QUEUE + 7 : episode_row.QUEUE + 12],
         )
-        belief_update(rows.belief[i], state[episode_row.QUEUE + 1], z, r, shared.belief)
+        belief_update(belief, state[episode_row.QUEUE + 1], z, r, params)
         state[episode_row.RAW + 6 : episode_row.RAW + 12] = state[episode_row.RAW : episode_row.RAW + 6]
         state[episode_row.RAW : episode_row.RAW + 5] = z
         state[episode_row.RAW + 5] = state[episode_row.QUEUE + 1]
@@ -135,13 +138,13 @@ def raw_estimate(state, out):
 @njit
 def see(rows, i, shared, board, latency):
     """One step of perception: look, expose, deliver, predict. Writes the believed row and returns the belief's rho."""
-    state = rows.state[i]
+    state, vehicle, belief, believed = rows.state[i], rows.vehicle[i], rows.belief[i], rows.believed[i]
     now = state[episode_row.STEP] * TICK
-    look(rows, i, shared, board)
-    expose(rows, i, shared, board, now, latency)
-    deliver(rows, i, shared, now)
-    believed = rows.believed[i]
-    rho = belief_predict(rows.belief[i], now, shared.belief, believed)
+    look(vehicle, board, rows.camera[i], state)
+    if _due(state, now):
+        _expose(vehicle, board, rows.camera[i], shared.noise, state, rows.rng[i], rows.scratch[i], now, latency)
+    deliver(state, belief, shared.belief, now)
+    rho = belief_predict(belief, now, shared.belief, believed)
     dx = believed[board_row.X] - board[board_row.X]
     dy = believed[board_row.Y] - board[board_row.Y]
     dz = believed[board_row.Z] - board[board_row.Z]
@@ -152,6 +155,6 @@ def see(rows, i, shared, board, latency):
 
 
 @njit
-def latency_now(rows, i):
+def latency_now(state, rng):
     """The detector's latency for this exposure, s."""
-    return rows.state[i, episode_row.LATENCY] + uniform(rows.rng[i], -_JITTER, _JITTER)
+    return state[episode_row.LATENCY] + uniform(rng, -_JITTER, _JITTER)

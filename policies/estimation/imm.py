@@ -44,10 +44,11 @@ def combine(weights, models, x, p):
     p[:] = 0.0
     for j in range(belief_row.MODEL_COUNT):
         state, covariance = model_state(models, j)
+        turned = wrap(state[belief_state.HEADING] - x[belief_state.HEADING])
         for a in range(belief_state.DIM):
-            da = wrap(state[a] - x[a]) if a == belief_state.HEADING else state[a] - x[a]
+            da = turned if a == belief_state.HEADING else state[a] - x[a]
             for b in range(belief_state.DIM):
-                db = wrap(state[b] - x[b]) if b == belief_state.HEADING else state[b] - x[b]
+                db = turned if b == belief_state.HEADING else state[b] - x[b]
                 p[a * belief_state.DIM + b] += weights[j] * (covariance[a * belief_state.DIM + b] + da * db)
 
 

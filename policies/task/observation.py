@@ -42,20 +42,29 @@ def history_dim(stride: int) -> int:
     """Length of a history row for entries every `stride` control steps."""
     if not 1 <= stride <= MAX_STRIDE:
         raise ValueError(f"history stride is {stride}; give 1 to {MAX_STRIDE}")
-    return history_row.RING + ((HISTORY - 1) * stride + 1) * entry_row.DIM
+    return history_row.RING + HISTORY * stride * entry_row.DIM
 
 
 @njit
-def write_entry(board, seconds, out, at):
-    """Write [x, y, z, normal, vx, vy, turn rate, seconds] of a board row into `out` from index `at`."""
+def entry_place(number, stride, count):
+    """Index of entry `number` in a ring of `stride` times `count` entries; those `stride` apart are neighbours in it.
+
+    What is read together then lies together in memory.
+    """
+    return (number % stride * count + number // stride % count) * entry_row.DIM
+
+
+@njit
+def write_entry(board, seconds, out):
+    """Write [x, y, z, normal, vx, vy, turn rate, seconds] of a board row into `out` (entry_row.DIM,)."""
     ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
     ci, si = math.cos(board[board_row.INCLINATION]), math.sin(board[board_row.INCLINATION])
-    p, n, v = at + entry_row.P, at + entry_row.NORMAL, at + entry_row.V
+    p, n, v = entry_row.P, entry_row.NORMAL, entry_row.V
     out[p], out[p + 1], out[p + 2] = board[board_row.X], board[board_row.Y], board[board_row.Z]
     out[n], out[n + 1], out[n + 2] = -si * ch, -si * sh, ci
     out[v], out[v + 1] = board[board_row.SPEED] * ch, board[board_row.SPEED] * sh
-    out[at + entry_row.TURN_RATE] = board[board_row.TURN_RATE]
-    out[at + entry_row.TIME] = seconds
+    out[entry_row.TURN_RATE] = board[board_row.TURN_RATE]
+    out[entry_row.TIME] = seconds
 
 
 @njit
@@ -65,20 +74,27 @@ def clear_history(row):
 
 
 @njit
+def _newest(row):
+    """The newest entry of a history row, a view."""
+    stride = (row.shape[0] - history_row.RING) // (HISTORY * entry_row.DIM)
+    at = history_row.RING + entry_place(int(row[history_row.HEAD]), stride, HISTORY)
+    return row[at : at + entry_row.DIM]
+
+
+@njit
 def push_history(board, seconds, row):
     """Append a board row, true or believed, at time `seconds` (any epoch, rising by one control step a call)."""
     size = (row.shape[0] - history_row.RING) // entry_row.DIM
-    head = (int(row[history_row.HEAD]) + 1) % size if row[history_row.FILL] > 0.0 else 0
-    write_entry(board, seconds, row, history_row.RING + head * entry_row.DIM)
-    row[history_row.HEAD] = head
+    row[history_row.HEAD] = (int(row[history_row.HEAD]) + 1) % size if row[history_row.FILL] > 0.0 else 0
     row[history_row.FILL] = min(row[history_row.FILL] + 1.0, float(size))
+    write_entry(board, seconds, _newest(row))
 
 
 @njit
 def renew_history(board, seconds, row):
     """Put a board row at time `seconds` in place of the newest one, after a detection between two control steps."""
     if row[history_row.FILL] > 0.0:
-        write_entry(board, seconds, row, history_row.RING + int(row[history_row.HEAD]) * entry_row.DIM)
+        write_entry(board, seconds, _newest(row))
     else:
         push_history(board, seconds, row)
 
@@ -95,22 +111,46 @@ def yaw_axes(q):
 
 
 @njit
-def relative_entry(entry, at, p, c, s, now, out, to):
-    """Write the stored entry `entry[at:]` to `out[to:]`, relative to the vehicle at `p` (3,), in its yaw frame (c, s).
+def _relative_entry(entry, p, c, s, now, out):
+    dx, dy, dz = entry[entry_row.P] - p[0], entry[entry_row.P + 1] - p[1], entry[entry_row.P + 2] - p[2]
+    nx, ny, nz = entry[entry_row.NORMAL], entry[entry_row.NORMAL + 1], entry[entry_row.NORMAL + 2]
+    vx, vy, turn, seconds = (
+        entry[entry_row.V],
+        entry[entry_row.V + 1],
+        entry[entry_row.TURN_RATE],
+        entry[entry_row.TIME],
+    )
+    out[entry_row.P], out[entry_row.P + 1], out[entry_row.P + 2] = c * dx + s * dy, c * dy - s * dx, dz
+    out[entry_row.NORMAL], out[entry_row.NORMAL + 1], out[entry_row.NORMAL + 2] = c * nx + s * ny, c * ny - s * nx, nz
+    out[entry_row.V], out[entry_row.V + 1] = c * vx + s * vy, c * vy - s * vx
+    out[entry_row.TURN_RATE], out[entry_row.TIME] = turn, seconds - now
 
+
+@njit
+def relative_entries(ring, stride, count, last, used, p, c, s, now, out):
+    """Write `used` entries, `stride` apart up to number `last`, to `out`, relative to the vehicle at `p` (3,).
+
+    `ring`: `stride` times `count` entries (`entry_place`); (c, s): the vehicle's yaw, in whose frame they are written;
     `now` s: time is written relative to it.
     """
-    i, o = at + entry_row.P, to + entry_row.P
-    dx, dy = entry[i] - p[0], entry[i + 1] - p[1]
-    out[o], out[o + 1], out[o + 2] = c * dx + s * dy, c * dy - s * dx, entry[i + 2] - p[2]
-    i, o = at + entry_row.NORMAL, to + entry_row.NORMAL
-    nx, ny = entry[i], entry[i + 1]
-    out[o], out[o + 1], out[o + 2] = c * nx + s * ny, c * ny - s * nx, entry[i + 2]
-    i, o = at + entry_row.V, to + entry_row.V
-    vx, vy = entry[i], entry[i + 1]
-    out[o], out[o + 1] = c * vx + s * vy, c * vy - s * vx
-    out[to + entry_row.TURN_RATE] = entry[at + entry_row.TURN_RATE]
-    out[to + entry_row.TIME] = entry[at + entry_row.TIME] - now
+    first, newest = last % stride * count, last // stride % count
+    for i in range(used):
+        k = newest - (used - 1 - i)
+        at, to = (first + (k if k >= 0 else k + count)) * entry_row.DIM, i * entry_row.DIM
+        _relative_entry(ring[at : at + entry_row.DIM], p, c, s, now, out[to : to + entry_row.DIM])
+
+
+@njit
+def _relative_history(row, p, c, s, stride, now, out):
+    """Write the HISTORY entries of a history row to `out`, as `relative_entries` does."""
+    head, fill = int(row[history_row.HEAD]), int(row[history_row.FILL])
+    repeated = max(0, HISTORY - 1 - (fill - 1) // stride)
+    ring, recent = row[history_row.RING :], out[repeated * entry_row.DIM : TAIL]
+    relative_entries(ring, stride, HISTORY, head, HISTORY - repeated, p, c, s, now, recent)
+    if repeated > 0:  # the ring's oldest entry, number 0
+        _relative_entry(ring[: entry_row.DIM], p, c, s, now, out[: entry_row.DIM])
+        for k in range(entry_row.DIM, repeated * entry_row.DIM):
+            out[k] = out[k - entry_row.DIM]
 
 
 @njit
@@ -123,14 +163,7 @@ def build_observation(row, p, v, q, rho, previous, gain, drag, sigma, stride, no
     repeated, with its true time.
     """
     c, s = yaw_axes(q)
-    size = (row.shape[0] - history_row.RING) // entry_row.DIM
-    head, fill = int(row[history_row.HEAD]), int(row[history_row.FILL])
-    for i in range(HISTORY):
-        back = min((HISTORY - 1 - i) * stride, fill - 1)
-        slot = head - back
-        if slot < 0:
-            slot += size
-        relative_entry(row, history_row.RING + slot * entry_row.DIM, p, c, s, now, out, i * entry_row.DIM)
+    _relative_history(row, p, c, s, stride, now, out)
     w, x, y, z = q[0], q[1], q[2], q[3]
     t, k = TAIL, TAIL + tail_row.V
     out[k], out[k + 1], out[k + 2] = c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]

@@ -10,9 +10,10 @@ from groundcar.motion import motion_row, speed_row
 from policies.environment import ended_row, episode_row
 from policies.environment.config import FAMILIES, TICK, EnvConfig
 from policies.environment.env import Env, Tally, fill_future
+from policies.environment.rows import FUTURE
 from policies.estimation.board_ekf import surface_sigma
 from policies.evaluation.evaluate import point
-from policies.task import result_row, rules_row, tail_row
+from policies.task import entry_row, result_row, rules_row, tail_row
 from policies.task.contact import REASONS, SUCCESS
 from policies.task.observation import NEWEST, TAIL, USUAL_DRAG, ObservationBuilder
 from policies.teachers.params import ExpertParams
@@ -252,6 +253,23 @@ def test_privileged_future_equals_later_states():
         if env.rows.done[3]:
             pytest.skip("the vehicle fell before the future came")
     assert env.rows.track[3, 30] == pytest.approx(future[6])
+
+
+def test_future_of_the_critic_is_the_true_board_later_in_every_episode():
+    config = EnvConfig(count=16, seed=13, limit=40, warm=0.5, future_stride=4, **QUIET)
+    env = Env(config)
+    env.reset()
+    row, ends = np.arange(16), 0
+    for k in range(90):
+        env.step(actions(16, k))
+        ends += int(env.rows.done.sum())
+        begin = env.rows.state[:, episode_row.STEP].astype(int)
+        for j, entry in enumerate(env.rows.future.reshape(16, FUTURE, entry_row.DIM).transpose(1, 0, 2)):
+            offset = env.rows.track[row, begin + 4 * (j + 1), :3] - env.rows.vehicle[:, state_row.P : state_row.P + 3]
+            assert np.hypot(entry[:, 0], entry[:, 1]) == pytest.approx(np.hypot(offset[:, 0], offset[:, 1]), abs=1e-5)
+            assert entry[:, 2] == pytest.approx(offset[:, 2], abs=1e-5)
+            assert entry[:, entry_row.TIME] == pytest.approx(0.04 * (j + 1), abs=1e-6)
+    assert ends >= 32
 
 
 def test_ablations_change_the_observation():

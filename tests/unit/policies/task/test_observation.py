@@ -85,6 +85,17 @@ def test_stride_spaces_the_entries(stride):
     assert x == pytest.approx(3.0 + 0.001 * (699 - stride * np.arange(HISTORY - 1, -1, -1)), abs=1e-5)
 
 
+@pytest.mark.parametrize("stride", [1, 3, 8])
+def test_history_is_that_of_a_plain_list_while_the_ring_fills_and_after_it_has_gone_round(stride):
+    boards = np.random.default_rng(stride).normal(0.0, 1.0, (75 * stride, 8))
+    for count in (1, 2, stride + 1, 29 * stride, 29 * stride + 1, 30 * stride, 30 * stride + 1, 75 * stride):
+        out = observe(boards[:count], np.zeros(3), np.zeros(3), quaternion(0, 0, 0), stride=stride)
+        numbers = count - 1 - np.minimum(stride * np.arange(HISTORY - 1, -1, -1), count - 1)
+        entries = out[:TAIL].reshape(HISTORY, entry_row.DIM)
+        assert entries[:, :3] == pytest.approx(boards[numbers, :3], abs=1e-6), count
+        assert entries[:, entry_row.TIME] == pytest.approx(0.01 * (numbers - (count - 1)), abs=1e-6), count
+
+
 @given(
     turn=st.floats(-3.1, 3.1),
     shift=st.tuples(st.floats(-20, 20), st.floats(-20, 20)),
