@@ -36,7 +36,11 @@ class VehicleSlot(_Section):
         description="offboard link: udp://:14540 (listens), tcp://HOST:PORT, serial:///dev/ttyACM0; of a crazyflie "
         "radio://0/80/2M/E7E7E7E7E7 or udp://HOST:19850",
     )
-    ground_url: str = Field(default="", description="ground station's link, for the checklist: udp://:14550, ...")
+    ground_url: str = Field(default="", description="ground station's link, for checklist and log: udp://:14550, ...")
+    log_limit_s: float = Field(
+        default=120.0, ge=0, le=7200,
+        description="fetching a real autopilot's own log after a live flight is given up beyond it; 0: never fetched",
+    )  # fmt: skip
     simulator: str = Field(
         default="", description="of kind hitl: tcp://:4560 (a SITL joins there), serial:///dev/ttyACM0 (a controller)"
     )

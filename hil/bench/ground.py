@@ -199,7 +199,7 @@ class GroundStation:
     def download(self, log: LogEntry, path: Path, progress: Callable[[float], None] = lambda _: None) -> None:
         """Write a log of `logs` to `path`, which appears when it is whole; `progress` is told the share that has come.
 
-        Raises Unavailable if it does not come whole, OSError if it cannot be written.
+        Raises Unavailable if it does not come whole, OSError if it cannot be written. What `progress` raises ends it.
         """
         part = path.with_name(f".{path.name}.part")
         part.unlink(missing_ok=True)
@@ -216,7 +216,6 @@ class GroundStation:
             while not ended.wait(_PAUSE_S):
                 progress(state.share)
                 if time.monotonic() - state.since_s > _STALLED_S:
-                    self._logs.cancel_download_log_file()
                     raise Unavailable(
                         f"log {log.id} stopped at {100 * state.share:.0f} %: nothing came for {_STALLED_S:g} s"
                     )
@@ -225,6 +224,8 @@ class GroundStation:
             progress(1.0)
             part.replace(path)
         finally:
+            if not ended.is_set():
+                self._logs.cancel_download_log_file()
             part.unlink(missing_ok=True)
 
 

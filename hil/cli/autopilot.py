@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from hil.bench.ground import GroundStation
     from hil.host.standalone import StandalonePx4
 
-LOG = "autopilot.ulg"
 Link = Annotated[str, typer.Option(help="ground station's link: udp://:14550, tcp://HOST:PORT, serial:///dev/ttyACM0")]
 System = Annotated[
     int, typer.Option(min=0, max=255, help="MAV_SYS_ID of the autopilot ; 0: the only one that is heard")
@@ -174,6 +173,8 @@ def log(
 
     Exit code: 0 fetched, or already there, 1 it has no such log, 2 usage, 3 it does not answer or it could not write.
     """
+    from hil.bench.flight_log import LOG
+
     path = run if run.suffix == ".ulg" else run / LOG
     if not path.parent.is_dir():
         raise fail(f"{path.parent}: there is no such folder")

@@ -28,6 +28,7 @@ from hil.cli.options import (
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress, TaskID
 
     from hil.assembly.plan import Plan
     from hil.cli.flights import Flown, Request
@@ -114,7 +115,7 @@ def fly_request(request: Request, plan: Plan, seeds: Sequence[int], as_json: boo
 
     notes = Console(stderr=True)
     if cache_is_cold():
-        notes.print("First run on this machine: compiling kernels takes a minute or two, once.", style="yellow")
+        notes.print("First run on this machine: compiling kernels takes half a minute, once.", style="yellow")
     try:
         flown = _fly_with_progress(request, plan, seeds, as_json, notes)
     except ViewerError as error:
@@ -123,7 +124,7 @@ def fly_request(request: Request, plan: Plan, seeds: Sequence[int], as_json: boo
         raise fail(str(error), COULD_NOT_RUN) from None
     if len(seeds) > 1 and not as_json:
         screen().print(seeds_table(plan.scenario, [one.flight.score for one in flown]))
-    return _exit_code(flown)
+    return _exit_code(flown) if len(flown) == len(seeds) else INTERRUPTED
 
 
 def _fly_with_progress(
@@ -148,9 +149,35 @@ def _fly_with_progress(
             found.append(flown)
             bar.stop()
             _print(plan, flown, notes, as_json, several=len(seeds) > 1)
+            if not _fetch_log(request, plan, flown, bar, task, notes):
+                break
             bar.reset(task, description=f"{name}: starting")
             bar.start()
     return found
+
+
+def _fetch_log(request: Request, plan: Plan, flown: Flown, bar: Progress, task: TaskID, notes: Console) -> bool:
+    """After a live flight the log of a real autopilot comes into the run's folder. False: the user wants to end."""
+    from hil.bench.flight_log import fetch_log, log_link
+
+    link = log_link(plan.rig.vehicle, request.remote) if request.live and not flown.flight.interrupted else ""
+    if not link:
+        return True
+    run, remark = flown.flight.run, "fetching the autopilot's log was ended by Ctrl-C"
+    bar.update(task, description="the autopilot's log")
+    bar.start()
+    try:
+        remark = fetch_log(
+            link, plan.rig.vehicle, run.path, run.recording,
+            lambda share: bar.update(task, description=f"the autopilot's log: {100 * share:.0f} %"),
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        return False
+    finally:
+        bar.stop()
+        if remark:
+            notes.print(remark, soft_wrap=True, highlight=False)
+    return True
 
 
 def _print(plan: Plan, flown: Flown, notes: Console, as_json: bool, several: bool) -> None:

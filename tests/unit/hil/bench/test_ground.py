@@ -16,11 +16,8 @@ from hil.bench.ground_health import CHECKS, Health, Problem
 from hil.bench.reading import NotApplicable, Unavailable
 from hil.check.items_ground import calibration, health
 from hil.cli.main import app
-from hil.host.pytest_px4 import px4_sim  # noqa: F401  (the fixture starts the autopilot)
 from scenarios.spec import load
-
-LIMIT_S = 60.0
-LOGS = {1: b"older" * 100, 2: bytes(range(256)) * 40}
+from tests.unit.hil.bench.px4_link import LIMIT_S, LOGS, link
 
 
 def wait(condition):
@@ -28,43 +25,6 @@ def wait(condition):
     while not condition():
         assert time.monotonic() < until
         time.sleep(0.02)
-
-
-def link(px4):
-    return f"udp://127.0.0.1:{px4.port}"
-
-
-@pytest.fixture
-def px4(px4_sim, monkeypatch):  # noqa: F811
-    monkeypatch.setattr(ground, "_FIND_S", LIMIT_S)
-    monkeypatch.setattr(ground, "_BEAT_S", 0.0)  # there is one autopilot only
-    monkeypatch.setattr(ground, "_EVENTS_S", 0.0)  # the software PX4 has no texts of its events
-    started = px4_sim()
-    started.offboard._partner_rule = "last"  # each command is a client of its own, and PX4 would keep the first
-    return started
-
-
-@pytest.fixture
-def with_logs(px4):
-    """Answers LOG_REQUEST_LIST and LOG_REQUEST_DATA as PX4 does; every seventh block is lost at first."""
-    lost = set()
-
-    def entries(port, frame, m):
-        for number, data in LOGS.items():
-            port.send_name("LOG_ENTRY", number, len(LOGS), max(LOGS), 1_700_000_000 + number, len(data))
-
-    def blocks(port, frame, m):
-        data = LOGS[m.id][m.ofs : m.ofs + m.count]
-        for at in range(0, len(data), 90):
-            block = data[at : at + 90]
-            if (m.ofs + at) // 90 % 7 == 3 and m.ofs + at not in lost:
-                lost.add(m.ofs + at)
-                continue
-            port.send_name("LOG_DATA", m.id, m.ofs + at, len(block), tuple(block.ljust(90, b"\0")))
-
-    with px4.held() as autopilot:
-        autopilot.receiver._handlers |= {"LOG_REQUEST_LIST": entries, "LOG_REQUEST_DATA": blocks}
-    return px4
 
 
 def command(*arguments):
