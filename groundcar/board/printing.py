@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numpy as np
 from groundcar.board.face import bitmap, rectangles
 from groundcar.board.layout import Board
 
+POINT = 0.0254 / 72  # m, PDF's unit
 _MARGIN = 0.015  # m around the face for the caption; outside the cut line
 _CAPTION = "print at 100 %; the line below is 100 mm"
 
@@ -75,23 +77,32 @@ def _svg(sheet: Sheet, dpi: int) -> bytes:
 
 
 def _pdf(sheet: Sheet, dpi: int) -> bytes:
-    point = 0.0254 / 72
-    page, margin, face = (sheet.size + 2 * _MARGIN) / point, _MARGIN / point, sheet.size / point
-    boxes = "".join(f"{x:.4f} {page - y - h:.4f} {w:.4f} {h:.4f} re\n" for x, y, w, h in _boxes(sheet, point))
-    mm = 1e-3 / point
+    page, margin, face = (sheet.size + 2 * _MARGIN) / POINT, _MARGIN / POINT, sheet.size / POINT
+    boxes = "".join(f"{x:.4f} {page - y - h:.4f} {w:.4f} {h:.4f} re\n" for x, y, w, h in _boxes(sheet, POINT))
+    mm = 1e-3 / POINT
     content = (
         f"0.7 G 0.3 w {margin:.4f} {margin:.4f} {face:.4f} {face:.4f} re S\n0 g\n{boxes}f\n"
         f"BT /F1 11 Tf {margin:.3f} {margin - 5 * mm:.3f} Td ({sheet.caption}) Tj ET\n"
         f"0 G 0.8 w {margin:.4f} {margin - 9 * mm:.4f} m {margin + 100 * mm:.4f} {margin - 9 * mm:.4f} l S\n"
-    ).encode()
+    )
+    return pdf_document([(page, page, content)])
+
+
+def pdf_document(pages: Sequence[tuple[float, float, str]]) -> bytes:
+    """A PDF file of `pages`: width and height in points, and what is drawn (PDF operators, /F1 is Helvetica)."""
+    kids = " ".join(f"{4 + 2 * number} 0 R" for number in range(len(pages)))
     objects = [
         b"<< /Type /Catalog /Pages 2 0 R >>",
-        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {page:.4f} {page:.4f}] /Contents 4 0 R "
-        f"/Resources << /Font << /F1 5 0 R >> >> >>".encode(),
-        b"<< /Length %d >>\nstream\n%s\nendstream" % (len(content), content),
+        f"<< /Type /Pages /Kids [{kids}] /Count {len(pages)} >>".encode(),
         b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
     ]
+    for width, height, drawn in pages:
+        content = drawn.encode()
+        objects.append(
+            f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width:.4f} {height:.4f}] "
+            f"/Contents {len(objects) + 2} 0 R /Resources << /Font << /F1 3 0 R >> >> >>".encode()
+        )
+        objects.append(b"<< /Length %d >>\nstream\n%s\nendstream" % (len(content), content))
     out, offsets = b"%PDF-1.4\n", []
     for number, body in enumerate(objects, 1):
         offsets.append(len(out))

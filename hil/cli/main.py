@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -56,19 +56,29 @@ def scenarios(as_json: Json = False) -> None:
 def board_file(
     path: Annotated[Path, typer.Argument(help="file to write: .pdf, .svg or .png")],
     charuco: Annotated[bool, typer.Option("--charuco", help="the board that cameras are calibrated with")] = False,
+    paper: Annotated[
+        Literal["A4", "A3"] | None, typer.Option(help="as tiles, one a page of a .pdf [default: one page of its size]")
+    ] = None,
 ) -> None:
     """Write the board's tags as a printable file, at true size."""
     from groundcar.board.charuco import SQUARE, charuco_sheet
     from groundcar.board.layout import Board
     from groundcar.board.printing import write_printable, write_sheet
+    from groundcar.board.tiles import write_tiles
 
+    if charuco and paper is not None:
+        raise fail("--charuco fits on A4 as it is: leave --paper out")
     board = Board()
     try:
         if charuco:
             write_sheet(path, charuco_sheet())
             print(f"wrote {path}: print on A4, any scale will do; a square is {1e3 * SQUARE:.0f} mm at 100 %")
             return
-        write_printable(path, board)
+        if paper is None:
+            write_printable(path, board)
+        else:
+            pages = write_tiles(path, paper, board)
+            print(f"{pages} pages of {paper}: cut each at its marks, lay them edge to edge on something flat")
     except (OSError, ValueError) as error:
         raise fail(str(error)) from None
     print(f"wrote {path}: print at 100 %, check the large tag measures {1e3 * board.tags[0].width:.1f} mm")

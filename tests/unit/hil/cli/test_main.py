@@ -80,6 +80,10 @@ def test_the_board_is_written_at_true_size_and_a_wrong_suffix_refused(tmp_path):
     assert runner.invoke(app, ["board", str(tmp_path / "board.svg")]).exit_code == 0
     assert "420" in (tmp_path / "board.svg").read_text()
     assert runner.invoke(app, ["board", str(tmp_path / "board.gif")]).exit_code == 2
+    result = runner.invoke(app, ["board", str(tmp_path / "board.pdf"), "--paper", "A4"])
+    assert result.exit_code == 0 and "6 pages of A4" in result.output
+    assert runner.invoke(app, ["board", str(tmp_path / "board.svg"), "--paper", "A4"]).exit_code == 2
+    assert runner.invoke(app, ["board", str(tmp_path / "board.pdf"), "--paper", "A4", "--charuco"]).exit_code == 2
 
 
 def call(*arguments):
