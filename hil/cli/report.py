@@ -11,7 +11,10 @@ from hil.cli.options import COULD_NOT_RUN, USAGE, fail
 
 
 def report(
-    runs: Annotated[list[Path], typer.Argument(help="a run folder or .mcap; several, or a folder of runs: a campaign")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="a run folder or .mcap; several, or a folder of runs: a campaign; a checklist's .json"),
+    ],
     compare: Annotated[Path | None, typer.Option(help="a second run, shown side by side with the first")] = None,
     out: Annotated[Path | None, typer.Option(help="file to write [default: report.html in the run folder]")] = None,
     ulog: Annotated[
@@ -21,9 +24,10 @@ def report(
 ) -> None:
     """Write one HTML file of a run that opens offline.
 
-    Verdict, the paper's row, contact, plots, provenance. Several runs make one page.
+    Verdict, the paper's row, contact, plots, provenance. Several runs make one page. A checklist's record makes one,
+    beside it: what held it up, every item, who signed it, and whether it was changed since.
 
-    Exit code: 0 written, 2 not a readable run, 3 could not write. What a recording lacks is said in the report.
+    Exit code: 0 written, 2 not a readable run or record, 3 could not write. The report says what a recording lacks.
     """
     from hil.recording.reader import ReadError
     from hil.recording.runs import RunError

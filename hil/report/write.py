@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil.recording.reader import ReadError
 from hil.recording.runs import MANIFEST, RECORDING, Run, RunError, list_runs, open_run
-from hil.report import campaign, page
+from hil.report import campaign, checklist, page
 from hil.report.recorded.flight import load
 
 
@@ -20,14 +20,19 @@ def write_report(
     each: bool = False,
     ulog: Path | None = None,
 ) -> Path:
-    """Write the report of `runs` and return its path: of one run, of two side by side, or of a campaign of several.
+    """Write the report of `runs` and return its path: of one run, of two side by side, of a campaign of several, or of
+    a checklist's record (.json), beside it.
 
     `each`: of a campaign, also the report of each run that can be read, which the page then links to. `ulog`: the
     autopilot's own log of the run.
 
-    Raises ReadError or RunError if a path is no run, ValueError for an invalid choice or a `ulog` that is no log,
-    OSError if `out` cannot be written.
+    Raises ReadError or RunError if a path is no run, RecordError if it is no record, ValueError for an invalid choice
+    or a `ulog` that is no log, OSError if `out` cannot be written.
     """
+    if len(runs) == 1 and runs[0].suffix == ".json":
+        if compare is not None or each or ulog is not None:
+            raise ValueError(f"{runs[0]} is a checklist's record: --compare, --ulog and --each are for runs")
+        return _written(checklist.render(runs[0]), out or runs[0].with_suffix(".html"))
     folders = _expand(runs)
     if ulog is not None and len(folders) != 1:
         raise ValueError(f"--ulog is the log of one flight; {len(folders)} runs were given")
@@ -44,7 +49,10 @@ def write_report(
                 write_report([folder])
         target = _common(folders) / "campaign.html"
         html = campaign.render([open_run(folder) for folder in folders], folder=(out or target).resolve().parent)
-    target = out or target
+    return _written(html, out or target)
+
+
+def _written(html: str, target: Path) -> Path:
     scratch = target.with_name(f".{target.name}.new")
     try:
         scratch.write_text(html, encoding="utf-8")
