@@ -51,7 +51,7 @@ def train(
     try:
         from hil.cli.training import Request, train_policy
     except ModuleNotFoundError as error:
-        raise fail(f"training needs {error.name}: pip install -e '.[train]' in the project's folder", USAGE) from None
+        raise fail(f"training needs {error.name}: pip install 'perch-hil[train]'", USAGE) from None
     from policies.flying.contract import ContractError
     from policies.training.learners.storage import DivergedError, TrainingError
     from policies.training.recipe import RecipeError

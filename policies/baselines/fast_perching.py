@@ -89,7 +89,7 @@ def load_search():
         from scipy.optimize import minimize
         from threadpoolctl import ThreadpoolController
     except ImportError:
-        raise ValueError("Fast-Perching needs SciPy: pip install -e '.[train]' in the project's folder") from None
+        raise ValueError("Fast-Perching needs SciPy: pip install scipy") from None
     return ThreadpoolController().wrap(limits=1, user_api="blas")(minimize)
 
 

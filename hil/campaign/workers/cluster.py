@@ -72,9 +72,7 @@ def connected(address: str, at_once: int | None) -> Iterator[Cluster]:
         import ray
         from ray.exceptions import RayError
     except ModuleNotFoundError:
-        raise ClusterError(
-            "--cluster needs ray: pip install -c constraints.txt -e '.[cluster]' in the project's folder"
-        ) from None
+        raise ClusterError("--cluster needs ray: pip install 'perch-hil[cluster]' (ray 2.60)") from None
     if address == "auto":
         address = _found()
         check_address(address)
