@@ -57,23 +57,26 @@ class Lockstep:
                 self._step(rank)
                 self._push(time_ns + nodes[rank].period_ns, rank, None)
             else:
-                self._deliver(out)
+                self._publish(out.topic, out.message)
+                for reader in self._wakes.get(out.topic, ()):
+                    self._step(reader)
         return clock.now_ns
 
     def _step(self, rank: int) -> None:
         inbox = self._inboxes[rank]
         outs = self._nodes[rank].step(self._clock.now_ns, inbox)
         inbox.clear()
+        woken: dict[int, None] = {}
         for out in outs:
             if out.delay_ns:
                 self._push(self._clock.now_ns + out.delay_ns, rank, out)
             else:
-                self._deliver(out)
+                self._publish(out.topic, out.message)
+                woken.update(dict.fromkeys(self._wakes.get(out.topic, ())))
+        for reader in woken:  # once all of it is published, as it may wake this node again
+            self._step(reader)
 
-    def _deliver(self, out: Out) -> None:
-        topic, message, _ = out
+    def _publish(self, topic: str, message: Any) -> None:
         self._tap(self._clock.now_ns, topic, message)
         for reader in self._readers.get(topic, ()):
             self._inboxes[reader].put(topic, message)
-        for reader in self._wakes.get(topic, ()):
-            self._step(reader)

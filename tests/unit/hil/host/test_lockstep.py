@@ -73,6 +73,24 @@ def test_a_chain_of_wakes_ends_within_the_instant():
     assert [now for now, _ in end.steps] == [0, 10]
 
 
+def test_all_of_a_step_is_published_before_the_nodes_that_it_wakes_wake_its_node_again():
+    states = iter("12")
+
+    def act(now, inbox):
+        state = Out("state", next(states))
+        return [state] if inbox.new("command") else [Out("odometry", now), state]
+
+    link = FakeNode(
+        "link", inputs=("command",), outputs=("odometry", "state"), wakes=("command",), period_ns=STOP, act=act
+    )
+    policy = FakeNode("policy", inputs=("odometry",), outputs=("command",), wakes=("odometry",),
+                      act=lambda now, _: [Out("command", now)])  # fmt: skip
+    seen, _ = run([link, policy], 0)
+    assert [(topic, message) for _, topic, message in seen] == [
+        ("odometry", 0), ("state", "1"), ("command", 0), ("state", "2"),
+    ]  # fmt: skip
+
+
 def test_step_clears_new_messages_and_keeps_the_latest():
     latest = []
     reader = FakeNode("r", ("t",), period_ns=10, act=lambda now, inbox: latest.append(inbox.latest("t")) or [])
