@@ -9,6 +9,7 @@ from hil.assembly.rig import Rig
 from hil.bench.reading import Unavailable
 from hil.bench.vehicle import Bench, SimulatedBench
 from scenarios.draw import Drawn
+from vehicle.px4 import protocol as px4
 from vehicle.px4.driver.types import Rates
 from vehicle.px4.sim.autopilot import Truth
 from vehicle.quadrotor.airframe import GRAVITY, Airframe
@@ -30,7 +31,8 @@ class TrialReport:
 
 
 def try_failsafes(airframe: Airframe, rig: Rig, drawn: Drawn) -> TrialReport:
-    """Fly to a hover, hand over, stop sending, measure the autopilot's reaction; then kill it in the air."""
+    """Fly to a hover, hand over, stop the driver as if its process had ended, measure the autopilot's reaction; then
+    kill it in the air."""
     bench = SimulatedBench(airframe, rig, drawn, arm=True)
     if not _fly_to_hover(bench):
         raise Unavailable(
@@ -43,9 +45,9 @@ def try_failsafes(airframe: Airframe, rig: Rig, drawn: Drawn) -> TrialReport:
         bench.step(Rates((0.0, 0.0, 0.0), GRAVITY) if due else None)
     loss_ns, mode = None, "OFFBOARD"
     while loss_ns is None and bench.clock.now_ns - last_ns < 5_000_000_000:
-        output = bench.step()
-        if output.mode != "OFFBOARD":
-            loss_ns, mode = bench.clock.now_ns - last_ns, output.mode
+        bench.pace()
+        if bench.sim.flight.active != px4.OFFBOARD:
+            loss_ns, mode = bench.clock.now_ns - last_ns, px4.mode_name(bench.sim.flight.active)
     kill_ns, motors_ns = _kill(bench)
     return TrialReport(_seconds(loss_ns), mode, _seconds(kill_ns), _seconds(motors_ns), tuple(bench.notes))
 

@@ -68,7 +68,7 @@ def test_nothing_is_changed_on_an_armed_vehicle_and_a_sitl_does_not_reboot(px4):
             station.reboot()
         with px4.held() as autopilot:
             autopilot.flight.parameters.values["COM_DISARM_PRFLT"] = -1.0
-            autopilot.commander._arm()
+            autopilot.commander.arm("external command")
         wait(lambda: station._telemetry.armed())
         for change in (station.reboot, lambda: station.set_parameter("COM_OF_LOSS_T", 0.4)):
             with pytest.raises(Refused, match="armed"):
