@@ -173,7 +173,7 @@ def _fly(flying: Flying, todo: list[Job], total: int, cluster: str | None, jobs:
     if len(todo) < total:
         notes.print(f"{total - len(todo)} of {total} flights are in {flying.out} already")
     if cluster is None and cache_is_cold():
-        notes.print("First run on this machine: compiling kernels takes half a minute, once.", style="yellow")
+        notes.print("First run on this machine: compiling kernels takes a minute or two, once.", style="yellow")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     progress = Progress(*columns, TimeRemainingColumn(), console=notes, transient=True)
     with open_workers(cluster, jobs) as workers, progress as bar:

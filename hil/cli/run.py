@@ -115,7 +115,7 @@ def fly_request(request: Request, plan: Plan, seeds: Sequence[int], as_json: boo
 
     notes = Console(stderr=True)
     if cache_is_cold():
-        notes.print("First run on this machine: compiling kernels takes half a minute, once.", style="yellow")
+        notes.print("First run on this machine: compiling kernels takes a minute or two, once.", style="yellow")
     try:
         flown = _fly_with_progress(request, plan, seeds, as_json, notes)
     except ViewerError as error:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from groundcar.motion import board_row
 from kernel.jit import njit, prange
 from kernel.random import uniform
@@ -153,4 +155,4 @@ def reset_row(rows, i, shared):
 def reset_rows(rows, shared):
     """Begin a new episode in every row."""
     for i in prange(rows.done.shape[0]):
-        reset_row(rows, i, shared)
+        reset_row(rows, np.int64(i), shared)  # an index of prange is unsigned: all below would be compiled twice

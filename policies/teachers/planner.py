@@ -91,8 +91,8 @@ def plan_rows(rows, shared, fresh, source, states, memories, works, futures, scr
     """`plan_row` for every row."""
     for i in prange(rows.done.shape[0]):
         plan_row(
-            rows, i, shared, fresh[i] != 0, source, states[i], memories[i], works[i], futures[i], scratches[i],
-            params, net, out[i],
+            rows, np.int64(i), shared, fresh[i] != 0, source, states[i], memories[i], works[i], futures[i],
+            scratches[i], params, net, out[i],
         )  # fmt: skip
 
 

@@ -40,7 +40,7 @@ def teach_row(rows, i, shared, plan, future, expert, planner, command, out):
 def teach_rows(rows, shared, plans, futures, expert, planner, commands, remaining, out):
     """`teach_row` for every row."""
     for i in prange(rows.done.shape[0]):
-        remaining[i] = teach_row(rows, i, shared, plans[i], futures[i], expert, planner, commands[i], out[i])
+        remaining[i] = teach_row(rows, np.int64(i), shared, plans[i], futures[i], expert, planner, commands[i], out[i])
 
 
 class Teacher:
