@@ -77,9 +77,10 @@ def _table(entries: list[Entry]) -> Markup:
 
 def _autopilot(record: Record) -> Markup | None:
     """The real autopilot that the go is for; None without one."""
-    rows = [(name, value) for name, value in record.autopilot.items() if not isinstance(value, dict)]
-    held = [one for one in record.autopilot.values() if isinstance(one, dict)]
-    rows += [("parameters that are held", len(one)) for one in held]
+    rows: list[tuple[object, ...]] = [
+        ("parameters that are held", len(value)) if isinstance(value, dict) else (name, value)
+        for name, value in record.autopilot.items()
+    ]
     return table(("", ""), rows, "left") if rows else None
 
 
