@@ -56,41 +56,15 @@ def feedback_names() -> list[str]:
     return [m.name for m in database().messages if m.name not in COMMANDS]
 
 
-class _Signal(NamedTuple):
-    """Where a signal lies in a frame of 64 bits, read big-endian: `value = raw * scale`."""
-
-    name: str
-    shift: int  # of its lowest bit
-    mask: int  # of its length
-    negative: int  # its highest bit if it is signed, else 0
-    scale: float
-    low: float  # the DBC's range, or that of its bits
-    high: float
-
-
-class _Layout(NamedTuple):
-    """One message; cantools reads it from the DBC, and would take ten times as long to pack or unpack it."""
-
-    name: str
-    can_id: int
-    signals: dict[str, _Signal]
-
-
 @cache
-def _layout(name: str) -> _Layout:
-    """The layout of message `name`. Raises ValueError for one that the DBC does not have."""
-    found, signals = message(name), dict[str, _Signal]()
-    for s in found.signals:
-        if s.byte_order != "big_endian" or s.is_float or s.offset:
-            raise ValueError(f"{name}.{s.name}: only big-endian whole numbers without an offset can be packed here")
-        first = 8 * (s.start // 8) + 7 - s.start % 8  # bit of the frame, counted from its first byte's highest
+def _ranges(name: str) -> dict[str, tuple[float, float]]:
+    """Range of each signal: the DBC's, or that of its bits."""
+    ranges = {}
+    for s in message(name).signals:
         low, high = (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
-        least, most = low * s.scale, high * s.scale
-        if s.minimum is not None and s.maximum is not None:
-            least, most = s.minimum, s.maximum
-        shift, mask = 8 * LENGTH - first - s.length, (1 << s.length) - 1
-        signals[s.name] = _Signal(s.name, shift, mask, 1 << s.length - 1 if s.is_signed else 0, s.scale, least, most)
-    return _Layout(name, found.frame_id, signals)
+        stated = s.minimum is not None and s.maximum is not None
+        ranges[s.name] = (s.minimum, s.maximum) if stated else (low * s.scale, high * s.scale)
+    return ranges
 
 
 def encode(name: str, values: Mapping[str, float]) -> Frame:
@@ -98,17 +72,16 @@ def encode(name: str, values: Mapping[str, float]) -> Frame:
 
     Raises ValueError for a value that is not finite, an unknown message or an unknown signal.
     """
-    _, identifier, signals = _layout(name)
-    number = 0
+    found, ranges = message(name), _ranges(name)
+    clamped: dict[str, float] = dict.fromkeys(ranges, 0)
     for signal, value in values.items():
-        place = signals.get(signal)
-        if place is None:
-            raise ValueError(f'{name} has no signal "{signal}"; known: {", ".join(signals)}')
+        if signal not in ranges:
+            raise ValueError(f'{name} has no signal "{signal}"; known: {", ".join(ranges)}')
         if not math.isfinite(value):
             raise ValueError(f"{name}.{signal} is {value}: only finite numbers can be sent to the car")
-        _, shift, mask, _, scale, low, high = place
-        number |= (round(min(max(value, low), high) / scale) & mask) << shift
-    return Frame(identifier, number.to_bytes(LENGTH, "big"))
+        low, high = ranges[signal]
+        clamped[signal] = min(max(value, low), high)
+    return Frame(found.frame_id, found.encode(clamped, strict=False))
 
 
 class Decoder:
@@ -116,7 +89,7 @@ class Decoder:
 
     def __init__(self, names: Iterable[str]) -> None:
         """`names`: the messages this end receives. Raises ValueError for one that the DBC does not have."""
-        self._by_id = {can_id(name): _layout(name) for name in names}
+        self._by_id = {can_id(name): message(name) for name in names}
         self._short = frozenset(can_id(name) for name in SHORT_COMMANDS)
         self._last: dict[int, tuple[bytes, dict[str, float]]] = {}  # of each message: most repeat the one before
         self.unknown_ids = 0
@@ -145,10 +118,6 @@ class Decoder:
         last = self._last.get(frame[0])
         if last is not None and last[0] == data:
             return found.name, last[1]
-        number, values = int.from_bytes(data, "big"), dict[str, float]()
-        for name, shift, mask, negative, scale, _, _ in found.signals.values():
-            raw = number >> shift & mask
-            raw -= (raw & negative) << 1
-            values[name] = raw if scale == 1 else raw * scale
+        values: dict = dict(found.decode(data, decode_choices=False))  # type: ignore[call-overload]
         self._last[frame[0]] = data, values
         return found.name, values
