@@ -3,7 +3,7 @@
     python -m benchmarks [--out results/bench.json]
 
 Medians and ratios, never asserted anywhere; with the load of the machine, because on a busy one they mean little. The
-peer is measured in the same run if `make peer` has installed it. Ten minutes on two cores. What one part costs in
+peer is measured in the same run if `make peer` has installed it. What one part costs in
 detail: the other modules of this folder, each by itself.
 """
 

@@ -13,7 +13,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -36,7 +36,6 @@ from policies.environment.env import Env
 LINEAR = 1.15
 FLOWN = Path(__file__).parents[1] / "tests" / "data" / "runs" / "simple-ii"  # a flight of ten seconds
 _ROWS = 100_000  # stepped for one time
-_KEY = 0x08  # protobuf: field 1, a varint: every message begins with its stamp
 
 
 @dataclass(frozen=True)
@@ -124,26 +123,14 @@ def longer_run(folder: Path, seconds: int) -> Path:
     flown, writer = Recording(FLOWN / RECORDING), McapWriter(folder / RECORDING)
     kinds = {PREFIX + name: codec(topic.message) for name, topic in TOPICS.items() if PREFIX + name in flown.topics}
     channels = {topic: writer.channel(topic, kind.name, kind.schema) for topic, kind in kinds.items()}
-    messages = list(flown.raw(kinds))
-    length = messages[-1].log_ns - messages[0].log_ns + 1
+    entries = list(flown.messages())
+    length = entries[-1].log_ns - entries[0].log_ns + 1
     for turn in range(max(1, round(seconds * 1e9 / length))):
-        for raw in messages:
-            writer.add(channels[raw.topic], raw.log_ns + turn * length, _later(raw.data, turn * length))
+        for log_ns, name, message in entries:
+            later, topic = replace(message, stamp_ns=message.stamp_ns + turn * length), PREFIX + name
+            writer.add(channels[topic], log_ns + turn * length, kinds[topic].encode(later))
     writer.close()
     return folder
-
-
-def _later(data: bytes, by_ns: int) -> bytes:
-    """The message with its stamp `by_ns` later, if it begins with one."""
-    if not data or data[0] != _KEY or not by_ns:
-        return data
-    end = next(i for i in range(1, len(data)) if data[i] < 0x80) + 1
-    stamp = sum((byte & 0x7F) << 7 * i for i, byte in enumerate(data[1:end])) + by_ns
-    out = bytearray((_KEY,))
-    while stamp > 0x7F:
-        out.append(stamp & 0x7F | 0x80)
-        stamp >>= 7
-    return bytes((*out, stamp)) + data[end:]
 
 
 def list_seconds(count: int) -> float:
