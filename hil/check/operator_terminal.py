@@ -132,7 +132,7 @@ def entry_line(entry: Entry) -> Text:
     line.append(f"{entry.outcome.value:<8}", style=_STYLE[entry.outcome])
     line.append(f" {entry.title}")
     if entry.value is not None:
-        line.append(f": {_value(entry.value)}{f' {entry.unit}' if entry.unit else ''}")
+        line.append(f": {entry.found}")
     if entry.limit and entry.outcome is not Outcome.SKIPPED:
         line.append(f" ({entry.limit})")
     remedy = entry.help if entry.outcome in (Outcome.FAIL, Outcome.MARGINAL) else ""
@@ -195,15 +195,3 @@ def _keys(keys: list[tuple[str, str]]) -> Text:
         line.append(f" {key} ", style="bold reverse")
         line.append(f" {meaning}   ")
     return line
-
-
-def _value(value: Value) -> str:
-    return (
-        f"{value:.4g}"
-        if isinstance(value, float)
-        else "yes"
-        if value is True
-        else "no"
-        if value is False
-        else str(value)
-    )

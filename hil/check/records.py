@@ -54,6 +54,17 @@ class Entry:
     seconds: float | None = None
     history: list[str] = field(default_factory=list)  # earlier results, before it was tried again
 
+    @property
+    def found(self) -> str:
+        """The value with its unit, to be read: yes or no, or a number of four digits. Empty without a value."""
+        if self.value is None:
+            return ""
+        if isinstance(self.value, bool):
+            return "yes" if self.value else "no"
+        tiny = isinstance(self.value, float) and abs(self.value) < 1e-6
+        number = "0" if tiny else f"{self.value:.4g}" if isinstance(self.value, float) else str(self.value)
+        return f"{number} {self.unit}".rstrip()
+
     def reset(self) -> None:
         """Back to PENDING; the earlier result is kept in `history`."""
         if self.outcome is not Outcome.PENDING:

@@ -67,11 +67,10 @@ def _table(entries: list[Entry]) -> Markup:
         badge = Markup('<span class="badge {}">{}</span>').format(
             _BADGE.get(entry.outcome, "info"), entry.outcome.value
         )
-        found = "" if entry.value is None else f"{entry.value} {entry.unit}".strip()
         remedy = entry.help if entry.outcome in (Outcome.FAIL, Outcome.MARGINAL) else ""
         why = "; ".join(part for part in (entry.reason, entry.detail, remedy, *entry.history) if part)
         source = f"{why} ({entry.source})" if entry.source and why else why or entry.source
-        rows.append((badge, entry.title, found, entry.limit, source, f"{entry.utc} {entry.operator}".strip()))
+        rows.append((badge, entry.title, entry.found, entry.limit, source, f"{entry.utc} {entry.operator}".strip()))
     return table(_HEAD, rows, "left wide")
 
 

@@ -128,7 +128,8 @@ class PlannerInEnv:
         """Make a planner for every row of `env`; the next call starts all of them."""
         self.first = True
         n = env.config.count
-        self._env, self.params = env, planner_params(env.airframe).changed(self._changes, self._steep).row()
+        params = planner_params(env.airframe, by_state=env.config.stage == "state")
+        self._env, self.params = env, params.changed(self._changes, self._steep).row()
         self.states, self.memories = np.zeros((n, state_row.DIM)), np.zeros((n, MEMORY_DIM))
         self.works, self._futures = np.zeros((n, _WORK_DIM)), np.zeros((n, HORIZON, 8))
         self._scratches, self._out = np.zeros((n, scratch_row.DIM), dtype=np.float32), np.zeros((n, 4))

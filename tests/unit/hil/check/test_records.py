@@ -115,3 +115,22 @@ def test_records_are_found_newest_first_and_other_files_skipped(record, tmp_path
     (folder / "d.json").write_text("rubbish")
     assert [path.stem for path, _ in records.find(folder, lambda r: True)] == ["b", "c", "a"]
     assert records.find(tmp_path / "nowhere", lambda r: True) == []
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "found"),
+    [
+        (None, "m", ""),
+        (True, "", "yes"),
+        (False, "", "no"),
+        (64.61049, "GB", "64.61 GB"),
+        (1.27e-14, "deg", "0 deg"),
+        (0.000242, "s", "0.000242 s"),
+        (3, "tags", "3 tags"),
+        ("OFFBOARD", "", "OFFBOARD"),
+    ],
+)
+def test_what_was_found_is_read_with_four_digits_and_its_unit(record, value, unit, found):
+    entry = record.entries[0]
+    entry.value, entry.unit = value, unit
+    assert entry.found == found

@@ -15,7 +15,7 @@ from policies.estimation.board_ekf import belief_covariance, belief_predict, bel
 from policies.estimation.thrust_drag import gain_reset
 from policies.planner import state_row
 from policies.planner.learned_policy import LearnedPlannerPolicy
-from policies.planner.policy import PlannerPolicy
+from policies.planner.policy import PlannerPolicy, planner_params
 from policies.task.observation import action_from_command
 from policies.teachers.planner import ANALYTIC, LEARNED, PlannerInEnv, PlannerTeacher
 from vehicle.quadrotor.airframe import GRAVITY
@@ -64,6 +64,14 @@ def test_planner_commands_are_equal_in_environment_and_flight(source, flying):
         if env.rows.done[0]:
             break
     assert flown > 60
+
+
+@pytest.mark.parametrize("stage", ["state", "vision"])
+def test_planner_of_a_stage_has_the_parameters_of_such_a_flight(stage):
+    env = Env(EnvConfig(stage=stage, count=1, airframe="crazyflie"))
+    planner = PlannerInEnv()
+    planner.begin(env)
+    assert np.array_equal(planner.params, planner_params(env.airframe, by_state=stage == "state").row())
 
 
 def test_end_of_an_episode_and_a_new_environment_reset_the_planner():
