@@ -68,7 +68,7 @@ class Env:
             noise=paper_noise(),
             nominal=airframe.params_row(),
             camera=mount.row(),
-            guidance=GuidanceParams.of(airframe, **config.guidance_changes).row(),
+            guidance=GuidanceParams.of(airframe, config.stage == "state", **config.guidance_changes).row(),
             limits=airframe.limits_row(),
         )
         self.tally = Tally()

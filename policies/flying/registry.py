@@ -15,7 +15,7 @@ from policies.flying.shipped import FLYABLE, policy_file
 from policies.flying.trial import try_policy
 from policies.guidance.params import GuidanceParams
 from policies.planner.learned_policy import LearnedPlannerPolicy
-from policies.planner.policy import GUIDANCE, STATE_GUIDANCE, PlannerPolicy
+from policies.planner.policy import GUIDANCE, PlannerPolicy
 from policies.prediction.learned import CHECKPOINT, read_predictor
 from policies.task.interface import FlyingPolicy
 from vehicle.quadrotor.airframe import Airframe
@@ -55,10 +55,9 @@ def policy_factory(
     """
 
     by_state = stage == "state"
-    changes = STATE_GUIDANCE if by_state else GUIDANCE
 
     def guided(policy: FlyingPolicy, **fields: float) -> FlyingPolicy:
-        return GuidedPolicy(policy, airframe, GuidanceParams.of(airframe, **fields)) if guidance else policy
+        return GuidedPolicy(policy, airframe, GuidanceParams.of(airframe, by_state, **fields)) if guidance else policy
 
     if name == "planner":
         try:
@@ -69,9 +68,9 @@ def policy_factory(
                 "policies.prediction.learned_training, or fly planner-analytic"
             ) from None
         net, digests = read_predictor(data, CHECKPOINT), {PREDICTOR: hashlib.sha256(data).hexdigest()}
-        return PolicyFactory(lambda: guided(LearnedPlannerPolicy(airframe, net, by_state), **changes), digests)
+        return PolicyFactory(lambda: guided(LearnedPlannerPolicy(airframe, net, by_state), **GUIDANCE), digests)
     if name == "planner-analytic":
-        return PolicyFactory(lambda: guided(PlannerPolicy(airframe, by_state), **changes), {})
+        return PolicyFactory(lambda: guided(PlannerPolicy(airframe, by_state), **GUIDANCE), {})
     file = policy_file(name)
     if file is None or file.suffix != ".onnx":
         raise ValueError(f"no policy {name!r}: use {', '.join(FLYABLE)}, or the path of an .onnx file")

@@ -20,6 +20,7 @@ from vehicle.quadrotor.airframe import Airframe
     SLIDING_LOW, SLIDING_HIGH,
 ) = range(36)  # fmt: skip
 COUNT = 36
+BY_STATE = {"lean": 0.04, "lean_uncertain": 0.0}  # of flight by motion capture, which knows every surface well
 LEAN_SLOPE = 0.5  # sine of the inclination below which LEAN_UNCERTAIN is reduced in proportion
 
 
@@ -87,8 +88,10 @@ class GuidanceParams:
                 raise ValueError(f"guidance parameter {name} is {getattr(self, name)}; it must be positive")
 
     @classmethod
-    def of(cls, airframe: Airframe, **changes: float) -> GuidanceParams:
-        """The parameters for `airframe`: its contact disc, limits and lags. `changes` override single fields."""
+    def of(cls, airframe: Airframe, by_state: bool = False, **changes: float) -> GuidanceParams:
+        """The parameters for `airframe`: its contact disc, limits and lags. `changes` override single fields.
+
+        `by_state`: for flight by motion capture (BY_STATE)."""
         command, contact = airframe.command, airframe.contact
         own = {
             "below": contact.magnet_below,
@@ -100,7 +103,7 @@ class GuidanceParams:
             "thrust_lag": airframe.motors.lag,
             "flare_rate": command.body_rate * 34.0 / 35.0,
         }
-        return cls(**{**own, **changes})
+        return cls(**{**own, **(BY_STATE if by_state else {}), **changes})
 
     def row(self) -> np.ndarray:
         """The (COUNT,) float64 row for kernels."""

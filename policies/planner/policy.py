@@ -22,11 +22,9 @@ from vehicle.quadrotor.airframe import Airframe
 # one lean, however well the surface is known. With the laws' defaults fewer of its flights of Hard-I are in tolerance.
 GUIDANCE = {"lean_uncertain": 0.0, "impact_within": 0.0}
 
-# What flight by motion capture changes of it and of PlannerParams, the last ones for boards that take a run-up. Nothing
-# has to stay in a camera's view, so that the run-up may pitch down and is short. The flare turns slower than the
-# vehicle can, which leaves a reserve. The well known surface is met with less lean. Found on the Crazyflie and a
-# vertical board.
-STATE_GUIDANCE = {**GUIDANCE, "lean": 0.04}
+# What flight by motion capture changes of PlannerParams, the last ones for boards that take a run-up. Nothing has to
+# stay in a camera's view, so that the run-up may pitch down and is short. The flare turns slower than the vehicle can,
+# which leaves a reserve. Found on the Crazyflie and a vertical board.
 STATE = {"run_up.acceleration": 5.0, "run_up.rate": 2.8, "contact.lean": 0.03}
 STATE_STEEP = {"run_up.coast": 0.1, "weights.visibility": 0.0}
 

@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 
 from groundcar.motion.pose import board_normal
 from kernel.rotations import body_z
+from policies.environment.config import EnvConfig
+from policies.environment.env import Env
+from policies.flying.guided import GuidedPolicy
+from policies.flying.registry import policy_factory
 from policies.guidance import params as gp
 from policies.guidance.guide import ALIGNED, BRAKED, FLARED, NOT_FINITE, guide
 from policies.guidance.params import GuidanceParams
+from policies.planner.policy import GUIDANCE
 from tests.unit.policies.guidance.situation import situation
 from vehicle.quadrotor.airframe import list_airframes, load_airframe
 
@@ -146,3 +151,14 @@ def test_wrong_parameter_is_named(change, message):
     with pytest.raises(ValueError, match="guidance parameter") as error:
         replace(PAPER, **change)
     assert message in str(error.value)
+
+
+def test_guidance_of_a_flight_by_motion_capture_is_the_same_in_flight_and_training():
+    airframe = load_airframe("crazyflie")
+    env = Env(EnvConfig(stage="state", count=1, airframe="crazyflie"))
+    wanted = GuidanceParams.of(airframe, by_state=True)
+    assert (wanted.lean, wanted.lean_uncertain) == (0.04, 0.0)
+    assert np.array_equal(env.shared.guidance, wanted.row())
+    flying = policy_factory("planner-analytic", airframe, stage="state")()
+    assert isinstance(flying, GuidedPolicy)
+    assert np.array_equal(flying._row, replace(wanted, **GUIDANCE).row())
