@@ -36,6 +36,13 @@ class Inbox:
         """The newest message ever received on `topic`, or None."""
         return self._latest[topic]
 
+    def taken(self) -> Inbox:
+        """What it holds now, as an inbox of its own; nothing is new in this one then."""
+        taken = Inbox(())
+        taken._new, taken._latest = self._new, self._latest.copy()
+        self._new, self._filled = {topic: [] for topic in self._new}, []
+        return taken
+
     def clear(self) -> None:
         for queue in self._filled:
             queue.clear()
@@ -53,6 +60,9 @@ class Node:
     outputs: tuple[str, ...] = ()
     wakes: tuple[str, ...] = ()
     period_ns: int = 0
+    lookahead_ns: int = 0
+    """No message of a step is published sooner than this after it. Where it is not 0, the step reaches nothing but the
+    node and its inbox: a host may compute it on another thread while other nodes step."""
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         """Consume what is new in `inbox` at the run's time `now_ns`; may not read a clock, touch a file or block."""

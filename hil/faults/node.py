@@ -21,6 +21,7 @@ class FaultyNode(Node):
         self._build, self._faults, self._wires = build, faults, wires
         self.node = node = build(wires)
         self.name, self.outputs, self.wakes, self.period_ns = node.name, node.outputs, node.wakes, node.period_ns
+        self.lookahead_ns = node.lookahead_ns  # a fault delays or drops a message, it hastens none
         self.inputs = node.inputs if TOPIC in node.inputs else (*node.inputs, TOPIC)
         self._inbox = Inbox(node.inputs)
         self._active: list[Fault] = []

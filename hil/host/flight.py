@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from numba import get_num_threads
+
 from hil.assembly.rig import Rig
 from hil.assembly.simulation import build, counters
 from hil.contract.graph import check_graph
@@ -20,7 +22,7 @@ from hil.host.lockstep import Clock, Lockstep, Tap
 from hil.host.space import check_space
 from hil.recording.foxglove import FoxgloveView
 from hil.recording.provenance import Code
-from hil.recording.receipts import ReceiptBook, Receipted
+from hil.recording.receipts import ReceiptBook
 from hil.recording.recorder import Recorder, RecordingError
 from hil.recording.runs import SCORE, Run, new_run, policy_identity
 from hil.scoring.flight_class import READ, FlightClass, FlightJudge
@@ -153,7 +155,7 @@ def fly(
                     tap(now, "event", Event(now, "warning", "supervisor", f"{ABORTED}{landing.trouble}"))
                 return done
 
-            host = Lockstep([Receipted(node, book) for node in simulation.nodes], clock, tap)
+            host = Lockstep(simulation.nodes, clock, tap, book=book, threads=get_num_threads())
             ended = "finished"
             try:
                 simulation.wires.start(run.path)

@@ -39,6 +39,7 @@ class CameraSim(Node):
         self._renderer = renderer
         self._exposure_ns, self._delay_ns = exposure_ns, exposure_ns // 2 + transport_ns
         self._drawn_after_ns = min(drawn_after_ns, self._delay_ns)
+        self.lookahead_ns = self._delay_ns - self._drawn_after_ns
         self._sequence = 0
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
@@ -53,4 +54,4 @@ class CameraSim(Node):
         height, width = pixels.shape
         image = Image(exposed_ns, width, height, self._exposure_ns, pixels.tobytes(), self._sequence)
         self._sequence += 1
-        return [Out("camera/image", image, self._delay_ns - self._drawn_after_ns)]
+        return [Out("camera/image", image, self.lookahead_ns)]

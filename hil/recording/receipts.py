@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 
 from hil.contract.codec import codec
-from hil.contract.node import Inbox, Node, Out
+from hil.contract.node import Inbox, Node
 from hil.recording.mcap_writer import McapWriter
 from hil.recording.reader import Recording
 from hil.recording.recorder import RecordingError
@@ -68,21 +68,17 @@ class ReceiptBook:
             self.close()
 
 
-class Receipted(Node):
-    """A node that leaves receipts, for a host that delivers every message in order (lockstep): it only has to count."""
+class Counted:
+    """Receipts of one node in a host that delivers every message in order (lockstep): it only has to count."""
 
     def __init__(self, node: Node, book: ReceiptBook) -> None:
-        self._node, self._book = node, book
+        self._node, self._inputs, self._book = node.name, node.inputs, book
         self._seen = dict.fromkeys(node.inputs, 0)
-        self.name, self.inputs, self.outputs = node.name, node.inputs, node.outputs
-        self.wakes, self.period_ns = node.wakes, node.period_ns
 
-    def close(self) -> None:
-        self._node.close()
-
-    def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
+    def add(self, now_ns: int, inbox: Inbox) -> None:
+        """Note a step at `now_ns` that consumes what is new in `inbox`."""
         consumed: list[int] = []
-        for topic in self.inputs:
+        for topic in self._inputs:
             count = len(inbox.new(topic))
             if not count:
                 consumed.append(0)
@@ -90,8 +86,7 @@ class Receipted(Node):
             first = self._seen[topic]
             consumed += (count, *range(first, first + count))
             self._seen[topic] = first + count
-        self._book.add(self.name, now_ns, consumed)
-        return self._node.step(now_ns, inbox)
+        self._book.add(self._node, now_ns, consumed)
 
 
 def read_receipts(run: Path) -> dict[str, tuple[tuple[str, ...], list[Receipt]]]:

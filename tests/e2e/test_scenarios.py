@@ -127,8 +127,12 @@ def test_scenario_with_pictures_perches(tmp_path, code):
     assert sum(score.within_tolerance for score in scores) >= 3, [score.reason for score in scores]
 
 
-def test_second_run_with_pictures_is_equal_byte_for_byte(tmp_path, code):
-    one, two = (flown_with_pictures(3, tmp_path / again, code) for again in ("a", "b"))
+def test_second_run_with_pictures_on_two_threads_is_equal_byte_for_byte(tmp_path, code, monkeypatch):
+    runs = []
+    for threads in (1, 2):
+        monkeypatch.setattr("hil.host.flight.get_num_threads", lambda threads=threads: threads)
+        runs.append(flown_with_pictures(3, tmp_path / str(threads), code))
+    one, two = runs
     result = diff_runs(one.run.path, two.run.path)
     assert result.identical, result.lines()
     assert result.messages > 10_000

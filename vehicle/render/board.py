@@ -115,7 +115,7 @@ def _blend(row, acc, count, reciprocal):
         row[i] = np.uint8((((acc[i] & 0xFFFF) + behind + half) * reciprocal) >> _SHIFT)
 
 
-@njit
+@njit(nogil=True)
 def draw_face(image, vehicle, board, exposure, cam, half, texture, box, count):
     """Draw the face into `image` (height, width) uint8 inside `box`, averaging `count` samples a pixel."""
     modules = texture.shape[0] - 2

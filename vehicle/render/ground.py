@@ -61,7 +61,7 @@ def _ground_run(out, index, first, last, x, xx, y, yx, s, sx, texture, side):
         out[first + i] = texture[np.uint32(index[i])]
 
 
-@njit
+@njit(nogil=True)
 def draw_ground(out, R, p, cam, step, pyramid, begin):
     """Ground plane z = 0 and sky into `out` (h, w) uint8, one pixel for `step` x `step` of the camera's.
 
@@ -126,7 +126,7 @@ def _down(near, far, out):
         out[i] = np.uint8((sixteenths + np.uint16(2)) >> np.uint16(2))
 
 
-@njit
+@njit(nogil=True)
 def doubled(image, out):
     """`image` (h, w) uint8, w at least 2, at twice the resolution into `out` (2 h, 2 w): bilinear, and rounded as
     OpenCV's `resize` does, in a quarter of its time."""

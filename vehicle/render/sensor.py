@@ -50,7 +50,7 @@ def _expose_row(row, noise, loss, kept, gain, shot, read, out):
         out[i] = np.uint8(np.int32(value))
 
 
-@njit
+@njit(nogil=True)
 def expose(image, tile, column_loss, row_loss, gain, electrons_per_dn, read_noise, stream, out):
     """Picture of the light in `image` (uint8) into `out` (uint8, same shape); `stream` is the frame's random stream."""
     unit = np.float32(1.0 / (_NOISE_UNIT * _NOISE_UNIT))

@@ -1,3 +1,6 @@
+import sys
+import threading
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,10 +12,13 @@ from tests.unit.hil.contract.node_fakes import FakeNode, publisher
 STOP = 1_000
 
 
-def run(nodes, stop=STOP):
+PATIENCE_S = 60
+
+
+def run(nodes, stop=STOP, threads=1):
     """(what the tap saw, the time reached)."""
     seen, clock = [], Clock()
-    host = Lockstep(nodes, clock, lambda now_ns, topic, message: seen.append((now_ns, topic, message)))
+    host = Lockstep(nodes, clock, lambda *published: seen.append(published), threads=threads)
     return seen, host.run(lambda now_ns: now_ns >= stop)
 
 
@@ -147,3 +153,104 @@ def test_any_graph_is_reproducible_with_monotonic_time_and_kept_delays(spec):
     for i, (period, delay, _) in enumerate(spec):
         mine = [(now, message[1]) for now, topic, message in seen if topic == f"t{i}"]
         assert mine == [(t + delay, t) for t in range(0, end + 1, period) if t + delay <= end]
+
+
+@settings(max_examples=100)
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 20), st.integers(0, 20), st.lists(st.integers(0, 20), max_size=3), st.booleans()),
+        min_size=1, max_size=4,
+    )
+)  # fmt: skip
+def test_any_graph_is_the_same_on_two_threads(spec):
+    """Periods, lookaheads and delays of small numbers, so that many times are equal."""
+
+    def graph():
+        nodes = []
+        for i, (period, lookahead, delays, wakes) in enumerate(spec):
+            before = f"t{i - 1}" if i else "t"
+            inputs = (f"t{i}", before) if before in [topic for node in nodes for topic in node.outputs] else (f"t{i}",)
+            outs = [(f"t{i}", lookahead + delay) for delay in delays]
+            node = FakeNode(f"n{i}", inputs, (f"t{i}",), inputs[1:] if wakes else (), period, lookahead_ns=lookahead)
+            node.act = lambda now, inbox, node=node, outs=outs: [
+                Out(topic, (node.name, now, len(inbox.new(node.inputs[0])), inbox.latest(node.inputs[-1])), delay)
+                for topic, delay in outs
+            ]
+            nodes.append(node)
+        return nodes
+
+    one, two = graph(), graph()
+    assert run(one, 100) == run(two, 100, threads=2)
+    assert [node.steps for node in one] == [node.steps for node in two]
+
+
+def test_nodes_step_on_while_a_step_with_a_lookahead_is_computed():
+    reached = threading.Event()
+    slow = FakeNode("slow", outputs=("t",), period_ns=STOP, lookahead_ns=10)
+    slow.act = lambda now, _: [Out("t", reached.wait(PATIENCE_S), 10)]
+    other = FakeNode("other", period_ns=9)
+    other.act = lambda now, _: (reached.set() if now else None) or []
+    seen, _ = run([slow, other], 20, threads=2)
+    assert seen == [(10, "t", True)]
+
+
+def test_step_on_the_second_thread_does_not_see_later_messages():
+    later = threading.Event()
+    reader = FakeNode("reader", ("t",), ("u",), period_ns=STOP, lookahead_ns=50)
+    reader.act = lambda now, inbox: [Out("u", (later.wait(PATIENCE_S), list(inbox.new("t")), inbox.latest("t")), 50)]
+    source = FakeNode("source", outputs=("t",), period_ns=10)
+    source.act = lambda now, _: ((later.set() if now >= 20 else None) or []) + [Out("t", now)]
+    seen, _ = run([source, reader], 60, threads=2)
+    assert [message for _, topic, message in seen if topic == "u"] == [(True, [0], 0)]
+
+
+def test_only_nodes_with_a_lookahead_leave_the_calling_thread():
+    threads = {}
+
+    def graph():
+        return [
+            FakeNode(f"{ahead}", period_ns=10, lookahead_ns=ahead,
+                     act=lambda now, _, ahead=ahead: threads.__setitem__(ahead, threading.current_thread()) or [])
+            for ahead in (0, 5)
+        ]  # fmt: skip
+
+    here = threading.current_thread()
+    run(graph(), 20)
+    assert threads == {0: here, 5: here}
+    run(graph(), 20, threads=2)
+    assert threads[0] is here and threads[5] is not here
+    assert not threads[5].is_alive(), "it ends with the run"
+
+
+@pytest.mark.parametrize("stop", [5, 50])
+def test_exception_of_a_step_on_the_second_thread_is_raised_before_or_after_it_is_due(stop):
+    def broken(now_ns, inbox):
+        raise RuntimeError("no picture")
+
+    nodes = [FakeNode("n", period_ns=STOP, lookahead_ns=20, act=broken), FakeNode("o", period_ns=1)]
+    with pytest.raises(RuntimeError, match="no picture"):
+        run(nodes, stop, threads=2)
+
+
+def test_interrupted_run_ends_with_its_step_under_way_finished_and_the_interpreter_as_before():
+    before, begun, finished = sys.getswitchinterval(), threading.Event(), []
+
+    def slow(now_ns, inbox):
+        begun.set()
+        finished.append(now_ns)
+        return []
+
+    def interrupt(now_ns, inbox):
+        assert begun.wait(PATIENCE_S)
+        raise KeyboardInterrupt
+
+    nodes = [FakeNode("n", period_ns=STOP, lookahead_ns=20, act=slow), FakeNode("o", period_ns=1, act=interrupt)]
+    with pytest.raises(KeyboardInterrupt):
+        run(nodes, threads=2)
+    assert finished == [0]
+    assert sys.getswitchinterval() == before
+
+
+def test_message_within_its_nodes_lookahead_is_an_error():
+    with pytest.raises(RuntimeError, match="'p' publishes 't' within its lookahead"):
+        run([publisher("p", "t", 30, delay_ns=9, lookahead_ns=10)], threads=2)

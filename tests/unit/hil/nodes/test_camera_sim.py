@@ -15,9 +15,13 @@ EXPOSURE, TRANSPORT = 2 * MS, 15 * MS
 SPEED = 2.0
 
 
+def camera(**settings):
+    return CameraSim(Renderer(Camera(), Board(), 1), 60.0, EXPOSURE, TRANSPORT, **settings)
+
+
 def look(now_ns, truth_ns, stage="attempt", **settings):
     """One picture taken at `now_ns` of a board that passes at SPEED, from truth that was known at `truth_ns`."""
-    node = CameraSim(Renderer(Camera(), Board(), 1), 60.0, EXPOSURE, TRANSPORT, **settings)
+    node = camera(**settings)
     x = SPEED * truth_ns * 1e-9
     vehicle = VehicleState(truth_ns, (-2.5, 0.0, 2.0), (0.0,) * 3, from_euler(0.0, 0.0, 0.0), (0.0,) * 3)
     velocity, q = (0.0, SPEED, 0.0), from_euler(0.0, -1.2, 0.0)
@@ -40,6 +44,12 @@ def test_picture_rendered_later_has_equal_content_and_delivery_time():
     (moved,) = look(100 * MS, 90 * MS, drawn_after_ns=4 * MS)
     assert moved.message.stamp_ns == 96 * MS
     assert np.abs(np.frombuffer(moved.message.data, np.uint8).astype(int) - one).max() > 20
+
+
+def test_camera_sim_publishes_nothing_within_its_lookahead():
+    for settings in ({}, {"drawn_after_ns": 4 * MS}, {"drawn_after_ns": 50 * MS}):
+        (out,) = look(100 * MS, 98 * MS, **settings)
+        assert out.delay_ns == camera(**settings).lookahead_ns
 
 
 def test_picture_is_not_delivered_before_rendering_ends():

@@ -6,15 +6,15 @@ from dataclasses import replace
 import pytest
 
 from hil.contract import messages as m
-from hil.contract.node import Out
+from hil.contract.node import Node, Out
 from hil.host.lockstep import Clock, Lockstep
 from hil.host.replay import _compare, _difference, _replay_node
 from hil.recording.reader import Recording
-from hil.recording.receipts import Receipt, ReceiptBook, Receipted, read_receipts
+from hil.recording.receipts import Receipt, ReceiptBook, read_receipts
 from hil.recording.recorder import Recorder, RecordingError
 
 
-class Source:
+class Source(Node):
     """Publishes odometry every 4 ms, some of it late."""
 
     name, inputs, outputs, wakes, period_ns = "source", (), ("vehicle/odometry",), (), 4_000_000
@@ -27,11 +27,8 @@ class Source:
         state = m.VehicleState(now_ns, (float(self.count), 0.0, 1.0), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         return [Out("vehicle/odometry", state, 3_000_000 if self.count % 3 == 0 else 0)]
 
-    def close(self):
-        pass
 
-
-class Summer:
+class Summer(Node):
     """Adds up what it has seen: any input too many, too few or out of place shows in all that follows."""
 
     name, inputs, outputs, wakes, period_ns = "belief", ("vehicle/odometry",), ("belief",), (), 10_000_000
@@ -45,16 +42,13 @@ class Summer:
         place = (self.sum, 0.0, 0.0)
         return [Out("belief", m.Belief(now_ns, True, place, 0.0, 0.0, 0.0, 0.0, 1.0, 0, 0, 0, (), 0.0, 0, 0.01))]
 
-    def close(self):
-        pass
-
 
 @pytest.fixture
 def run(tmp_path):
     nodes, clock = [Source(), Summer()], Clock()
     book = ReceiptBook(tmp_path / "receipts.mcap", nodes)
     with Recorder(tmp_path / "run.mcap") as recorder:
-        host = Lockstep([Receipted(node, book) for node in nodes], clock, recorder)
+        host = Lockstep(nodes, clock, recorder, book=book)
         host.run(lambda now: now >= 300_000_000)
     book.close()
     return tmp_path
