@@ -21,7 +21,7 @@ Tap = Callable[[int, str, Any], None]
 
 # How long the interpreter lets one thread wait for the other, s. Python's 5 ms are a picture's time: the second thread
 # needs the interpreter for moments between its kernels
-_SWITCH_S = 1e-4
+_SWITCH_S = 3e-4
 
 
 class Clock:

@@ -103,7 +103,7 @@ class Renderer:
         # Enough samples that neither texture nor motion shows as steps, within what a period has room for
         most = min(MAX_SAMPLES, _MOST_SAMPLES_PER_FRAME // area)
         count = int(np.clip(max(_SAMPLES_PER_FRAME // area, 1.5 * blur), 4, most))
-        texture = self._texture(lambert(board_R[:, 2]))
+        texture = self._texture(lambert(board_R[0, 2], board_R[1, 2], board_R[2, 2]))
         draw_face(self._light, vehicle, board, exposure, self._cam, size / 2, texture, box, count)
         if self.sensor.point_spread > 0.0:
             u0, v0 = max(0, box[0] - _REACH), max(0, box[1] - _REACH)

@@ -92,6 +92,18 @@ def test_output_changes_while_the_fault_is_active_and_only_then(kind, topic, mak
     assert differing == list(range(first, 60, 10))
 
 
+@pytest.mark.parametrize("kind", [kind for kind, fault in KINDS.items() if "camera" in fault.nodes])
+def test_camera_with_a_fault_keeps_its_lookahead(kind):
+    camera = Publisher("camera/image", image)
+    camera.lookahead_ns = 16 * MS
+    camera.step = lambda now_ns, inbox: [Out("camera/image", image(now_ns), 16 * MS)]
+    node = decorated(camera, fault(kind))
+    assert node.lookahead_ns == 16 * MS
+    found = [out.delay_ns for outs in stepped(node, range(0, 60, 10), (0, 60)) for out in outs]
+    assert found or kind == "camera.dropped"
+    assert all(delay_ns >= 16 * MS for delay_ns in found)
+
+
 def test_share_of_pictures_is_dropped_at_random_and_repeatably():
     def run():
         node = decorated(Publisher("camera/image", image), fault("camera.dropped", share=0.3))

@@ -5,6 +5,7 @@ import signal
 from dataclasses import dataclass
 from pathlib import Path
 
+import numba
 import pytest
 
 from hil.campaign.workers import pool
@@ -25,12 +26,12 @@ class Doing:
             os._exit(9)
         if self.how == "is interrupted":
             raise KeyboardInterrupt
-        return task * task, place.out
+        return task * task, place.out, numba.get_num_threads()
 
 
-def test_every_task_has_one_answer_from_the_works_own_folder(tmp_path):
+def test_every_task_has_one_answer_from_the_works_own_folder_computed_on_one_thread(tmp_path):
     answers = list(Pool(2).each(Doing("squares", tmp_path), range(5)))
-    assert sorted(answers) == [(n * n, tmp_path) for n in range(5)]
+    assert sorted(answers) == [(n * n, tmp_path, 1) for n in range(5)]
 
 
 def test_a_process_that_dies_ends_it_with_one_line(tmp_path):
