@@ -9,7 +9,6 @@ which order, stays the same.
 from __future__ import annotations
 
 import heapq
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -18,10 +17,6 @@ from hil.contract.node import Inbox, Node, Out, routes
 from hil.recording.receipts import Counted, ReceiptBook
 
 Tap = Callable[[int, str, Any], None]
-
-# How long the interpreter lets one thread wait for the other, s. Python's 5 ms are a picture's time: the second thread
-# needs the interpreter for moments between its kernels
-_SWITCH_S = 3e-4
 
 
 class Clock:
@@ -74,17 +69,12 @@ class Lockstep:
         """
         if not self._two_threads:
             return self._run(until)
-        before = sys.getswitchinterval()
-        sys.setswitchinterval(_SWITCH_S)
-        try:
-            with ThreadPoolExecutor(1, "lockstep") as self._second:
-                reached_ns = self._run(until)
-                for *_, what in self._queue:
-                    if isinstance(what, _UnderWay):
-                        what.outs.result()  # raises what the step raised
-                return reached_ns
-        finally:
-            sys.setswitchinterval(before)
+        with ThreadPoolExecutor(1, "lockstep") as self._second:
+            reached_ns = self._run(until)
+            for *_, what in self._queue:
+                if isinstance(what, _UnderWay):
+                    what.outs.result()  # raises what the step raised
+            return reached_ns
 
     def _run(self, until: Callable[[int], bool]) -> int:
         queue, clock, nodes = self._queue, self._clock, self._nodes
