@@ -80,21 +80,16 @@ class Renderer:
 
     def _draw_background(self, R: np.ndarray, p: np.ndarray, board_p: np.ndarray, board_R: np.ndarray) -> None:
         draw_ground(self._background, R, p, self._cam, _STEP, *self._ground)
-        draw_faces(self._background, *car_faces(board_p, board_R), R, p, self._cam, _STEP)
+        faces, greys = car_faces(board_p, board_R)
+        draw_faces(self._background, faces, greys, R, p, self._cam, _STEP)
         doubled(self._background, self._light)
 
     def _draw_board(
         self, R: np.ndarray, p: np.ndarray, vehicle: np.ndarray, board: np.ndarray, board_R: np.ndarray, exposure: float
     ) -> None:
         camera, size = self._drawn, self.board.size
-        draw_faces(
-            self._light,
-            *slab_faces(board[state_row.P : state_row.V], board_R, size, self.board.thickness),
-            R,
-            p,
-            self._cam,
-            1,
-        )
+        faces, greys = slab_faces(board[state_row.P : state_row.V], board_R, size, self.board.thickness)
+        draw_faces(self._light, faces, greys, R, p, self._cam, 1)
         box = np.empty(4, np.int64)
         blur, seen = face_box(vehicle, board, exposure, self._cam, size / 2, camera.width, camera.height, box)
         if not seen:
