@@ -20,26 +20,29 @@ from hil.safety.car_gate import CarGate
 from hil.safety.limits import CarGateLimits
 from kernel.clip import usable
 from kernel.stamps import later_than_now
+from vehicle.mocap.continuity import Continuity
 
 CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
 _BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board
 _STANDING = 0.05  # m/s
 _BLIND_NS = 1_000_000_000  # the car is not driven by an older measurement
+_FASTEST = 3.5  # m/s, that no car reaches (CarGateLimits.measured_speed)
 
 
 class CarFollower(Node):
     """Drives the car along the scenario's motion, by motion capture, once the director starts it; brings it to rest
-    when the run has ended."""
+    when the run has ended. Once it is under way, a pose that has jumped does not drive it until it has jumped back."""
 
     name = "car_follower"
     inputs = ("mocap/board", "run/stage")
-    outputs = ("car/reference", "car/command")
+    outputs = ("car/reference", "car/command", "event")
     period_ns = CONTROL_PERIOD_NS
 
     def __init__(self, follower: Follower | RecordedFollower) -> None:
-        self._follower = follower
+        self._follower, self._continuity = follower, Continuity(_FASTEST)
         self._asked = (0.0, 0.0)
         self._refused = 0
+        self._jump_told = False
 
     @property
     def counters(self) -> dict[str, int]:
@@ -58,6 +61,12 @@ class CarFollower(Node):
         if not _can_be_followed(now_ns, board):
             self._refused += 1
             return []
+        if not 0 < stage.car_start_ns <= now_ns:  # the car stands, wherever it is
+            self._continuity.reset()
+        jump = self._continuity.add(board.stamp_ns, board.position)
+        if jump:
+            self._refused += 1
+            return self._told(now_ns, jump)
         reference, command = self._follower.step(
             now_ns, x, y, board.heading, board.speed, board.turn_rate, board.stamp_ns
         )
@@ -65,6 +74,14 @@ class CarFollower(Node):
             Out("car/reference", CarReference(*reference)),
             self._command(command.stamp_ns, command.speed, command.turn_rate),
         ]
+
+    def _told(self, now_ns: int, jump: float) -> list[Out]:
+        """The event for the first pose that is not followed after a jump of `jump` m."""
+        if self._jump_told:
+            return []
+        self._jump_told = True
+        text = f"the board's pose has jumped by {jump:.2f} m: the car is not driven by it until it has jumped back"
+        return [Out("event", Event(now_ns, "error", self.name, text))]
 
     def _command(self, stamp_ns: int, speed: float, turn_rate: float) -> Out:
         self._asked = (speed, turn_rate)
@@ -82,7 +99,7 @@ def _can_be_followed(now_ns: int, board: BoardState) -> bool:
     """Whether the car can be driven by this measurement. Without commands its own watchdog stops it."""
     if later_than_now(board.stamp_ns, now_ns) or now_ns - board.stamp_ns > _BLIND_NS:
         return False
-    return usable((*board.position[:2], board.heading, board.speed, board.turn_rate))
+    return usable((*board.position, board.heading, board.speed, board.turn_rate))
 
 
 class CarLink(Node):

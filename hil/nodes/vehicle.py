@@ -16,10 +16,10 @@ from hil.contract.messages import (
     VehicleStatus,
 )
 from hil.contract.node import Inbox, Node, Out
+from hil.nodes.external_pose import ExternalPoses
 from hil.safety.magnet import MagnetCheck
 from hil.safety.vehicle_gate import VehicleGate
 from hil.scoring.verdict import NOT_HELD
-from kernel.clip import usable
 from kernel.stamps import later_than_now
 from vehicle.mocap.agreement import Lasting, vehicle_disagreement
 from vehicle.px4.driver.arming import Arming
@@ -75,7 +75,8 @@ class VehicleLink(Node):
         `virtual_board`: a real vehicle perches on a board that is not there, and would fall if its motors stopped.
         `mocap_reach` (m, the largest coordinate inside the fence): a real motion capture has to agree with the
         autopilot before `link` gets the permission to arm."""
-        self._link, self._gate, self._truth, self._external = link, gate, stands_for_truth, external_pose
+        self._link, self._gate, self._truth = link, gate, stands_for_truth
+        self._poses = ExternalPoses(gate.most_speed) if external_pose else None
         self._virtual_board = virtual_board
         self._reach, self._agrees, self._differs = mocap_reach, Lasting(_AGREES_NS), Lasting(_DIFFERS_NS)
         if external_pose or mocap_reach is not None:
@@ -87,7 +88,6 @@ class VehicleLink(Node):
         self._phase = ""
         self._published: dict[str, float] = {}
         self._aborted = False
-        self._poses_refused = 0
         self._arming: Arming | None = None  # the host's permission
         self._magnet: MagnetCheck | None = None  # from contact on
 
@@ -116,7 +116,7 @@ class VehicleLink(Node):
         command, sent, tripped = self._checked(now_ns, self._wanted(actions)) if actions else (None, None, "")
         if tripped and self._link.phase == "handed_over":  # not from a pilot who has taken over
             self._link.release()
-        pose, refused = self._external_pose(now_ns, inbox)
+        pose, refused = self._poses.take(now_ns, inbox, self._link.armed) if self._poses else (None, "")
         output = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]
         if lost:
@@ -139,19 +139,6 @@ class VehicleLink(Node):
             self._status_ns, self._phase = now_ns, output.phase
             outs.append(Out("vehicle/status", _status(now_ns, output)))
         return outs
-
-    def _external_pose(self, now_ns: int, inbox: Inbox) -> tuple[ExternalPose | None, str]:
-        """The pose for the autopilot's estimator, and why the first one that is broken was not passed on."""
-        seen: VehicleState | None = inbox.latest("mocap/vehicle") if self._external else None
-        if seen is None:
-            return None, ""
-        later = later_than_now(seen.stamp_ns, now_ns)
-        if not later and usable((*seen.position, *seen.orientation)):
-            return ExternalPose(seen.stamp_ns, seen.position, seen.orientation), ""
-        first = not self._poses_refused
-        self._poses_refused += bool(inbox.new("mocap/vehicle"))
-        what = "stamped later than now" if later else "not finite"
-        return None, f"a pose of motion capture is not passed on to the autopilot: {what}" if first else ""
 
     def _before_arming(self, now_ns: int, seen: VehicleState | None, reach: float) -> list[Out]:
         """Pass the host's permission on once motion capture agrees with the autopilot; give up when it differs for
@@ -222,7 +209,7 @@ class VehicleLink(Node):
         return {
             "bytes of garbage on the vehicle's wire": self._link.garbage,
             "commands too old to send": self._gate.refused,
-            "poses of motion capture not passed on to the autopilot": self._poses_refused,
+            "poses of motion capture not passed on to the autopilot": self._poses.refused if self._poses else 0,
         }
 
 

@@ -43,6 +43,11 @@ class VehicleGate:
         """The smallest thrust that passes unchanged, m/s^2."""
         return self._limits.thrust[0]
 
+    @property
+    def most_speed(self) -> float:
+        """The speed beyond which the gate trips, m/s."""
+        return self._limits.speed
+
     def check(self, now_ns: int, action: Action, vehicle: VehicleState | None) -> Sent | None:
         """`action` against the limits; `vehicle` is the newest odometry. A trip latches; `tripped` names its reason."""
         if self.tripped:

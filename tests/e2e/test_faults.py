@@ -1,6 +1,7 @@
 """Whole flights with faults: repeatable, classified, and gone from the rest of the flight."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,14 @@ def test_attempt_that_loses_what_it_needs_is_aborted_and_lands(fault, why, tmp_p
     found = flown(tmp_path, fault).flight_class
     assert found is not None and found.name == ABORTED, found
     assert any(why in text for text in found.why), found
+
+
+def test_board_that_stands_does_not_move_when_motion_capture_jumps(tmp_path):
+    flight = flown(tmp_path, table("mocap.jump", **{"for": 0.5}))
+    places = [m.position for _, _, m in Recording(flight.run.recording).messages(["truth/board"])]
+    assert max(math.dist(place, places[0]) for place in places) < 0.01
+    texts = [m.text for _, _, m in Recording(flight.run.recording).messages(["event"])]
+    assert any("the board's pose has jumped by 1.00 m" in text for text in texts)
 
 
 def test_vehicle_whose_magnet_does_not_hold_recovers_and_lands(tmp_path):

@@ -212,3 +212,40 @@ def test_follower_does_not_drive_by_a_measurement_that_cannot_be_used(changes):
     assert node.step(S, filled(node, (topic, replace(sound, **changes)), stage)) == []
     assert node.counters["periods without a usable measurement of the car"] == 1
     assert len(node.step(S, filled(node, (topic, sound), stage))) == 2
+
+
+class Followed:
+    """A follower on a board that drives along x at 2 m/s, and that motion capture sees where it says."""
+
+    def __init__(self):
+        self.node, self.now, self.texts = CarFollower(FakeFollower()), S, []
+
+    def driven(self, seconds, x=0.0, start_ns=S):
+        """For each period whether the car was commanded; `x`: m, the error of motion capture."""
+        found = []
+        for _ in range(round(seconds * S / CONTROL_PERIOD_NS)):
+            self.now += CONTROL_PERIOD_NS
+            topic, seen = board(self.now - 5 * MS, 2.0)
+            seen = replace(seen, position=(2.0 * self.now * 1e-9 + x, 0.0, 1.5))
+            stage = ("run/stage", Stage(self.now, "attempt", start_ns, start_ns))
+            outs = self.node.step(self.now, filled(self.node, (topic, seen), stage))
+            found.append(any(out.topic == "car/command" for out in outs))
+            self.texts += [out.message.text for out in outs if out.topic == "event"]
+        return found
+
+
+def test_follower_does_not_drive_by_a_pose_that_has_jumped_until_it_has_jumped_back():
+    car = Followed()
+    assert all(car.driven(0.5))
+    assert not any(car.driven(3.0, x=1.0)), "a lasting jump is no motion of the car"
+    assert all(car.driven(0.5))
+    assert not any(car.driven(0.5, x=-0.6))
+    assert len(car.texts) == 1 and "the board's pose has jumped by 1.04 m" in car.texts[0]
+    assert car.node.counters["periods without a usable measurement of the car"] == 175
+
+
+def test_follower_takes_another_place_of_the_board_before_the_car_sets_off():
+    car = Followed()
+    later = 10 * S
+    assert all(car.driven(0.2, start_ns=0) + car.driven(0.2, x=4.0, start_ns=0) + car.driven(0.2, start_ns=later))
+    assert car.texts == []

@@ -19,7 +19,7 @@ NOW = 1_000 * MS
 class FakeLink:
     """Returns a scripted output, records its inputs."""
 
-    phase = "handed_over"
+    phase, armed = "handed_over", True
 
     def __init__(self):
         self.commands, self.calls, self.poses = [], [], []

@@ -1,0 +1,50 @@
+"""Whether the poses of one body follow from each other at a speed that the body can have.
+
+A system that takes other markers for the body's moves its pose by a decimetre or a metre at once. The body has not
+moved, and what is driven by the pose must not answer to it. Jumps add up: once the pose has jumped back it is where the
+body is, however long that took, and a pose that does not jump back stays wrong.
+"""
+
+from __future__ import annotations
+
+import math
+
+Vec3 = tuple[float, float, float]
+
+JUMP = 0.3  # m: a shorter jump is taken for motion, and a pose this near to where the body must be for right
+
+
+class Continuity:
+    """One body; `add` is called with each of its poses, or with the newest ones."""
+
+    def __init__(self, speed: float) -> None:
+        """`speed`: m/s that the body does not reach."""
+        self._speed = speed
+        self._before: tuple[int, Vec3] | None = None
+        self._off: Vec3 = (0.0, 0.0, 0.0)
+
+    def reset(self) -> None:
+        """The next pose is taken as it is."""
+        self._before, self._off = None, (0.0, 0.0, 0.0)
+
+    def add(self, stamp_ns: int, position: Vec3) -> float:
+        """By how far the pose (ns, m) is off what it was before it jumped, m; 0 if it is not.
+
+        An equal or older stamp is compared as well: a body does not move within no time. Raises nothing; the numbers
+        have to be finite.
+        """
+        before, self._before = self._before, (stamp_ns, position)
+        if before is not None:
+            possible = self._speed * max(0, stamp_ns - before[0]) * 1e-9
+            if math.dist(position, before[1]) > possible + JUMP:
+                self._off = _sum(self._off, position, before[1])
+        off = math.hypot(*self._off)
+        if off <= JUMP:
+            self._off = (0.0, 0.0, 0.0)
+            return 0.0
+        return off
+
+
+def _sum(off: Vec3, position: Vec3, before: Vec3) -> Vec3:
+    x, y, z = (o + p - b for o, p, b in zip(off, position, before, strict=True))
+    return x, y, z
