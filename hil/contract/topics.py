@@ -49,7 +49,7 @@ TOPICS: dict[str, Topic] = {
     "vehicle/parameters": Topic(m.VehicleParameters, 0, 0, True, ("vehicle_link",), ()),
     "camera/image": Topic(m.Image, 60, 100, True, ("camera",), ("detector",)),
     "board/detection": Topic(m.Detection, 60, 0, True, ("detector", "camera"), ("belief", "director")),
-    "belief": Topic(m.Belief, 100, 50, True, ("belief",), ("policy", "detector")),
+    "belief": Topic(m.Belief, 100, 50, True, ("belief",), ("policy", "detector", "vehicle_link")),
     "policy/action": Topic(m.Action, 100, 50, True, ("policy",), ("vehicle_link",)),
     "vehicle/sent": Topic(m.Sent, 100, 50, True, ("vehicle_link",), ("policy",)),
     "referee/contact": Topic(m.Contact, 100, 50, True, ("referee",), ("vehicle_device", "vehicle_link", "director")),

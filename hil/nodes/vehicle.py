@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from hil.contract.messages import (
     Action,
+    Belief,
     Contact,
     Event,
     Sent,
@@ -17,6 +18,7 @@ from hil.contract.messages import (
 )
 from hil.contract.node import Inbox, Node, Out
 from hil.nodes.external_pose import ExternalPoses
+from hil.safety.dive import SILENCE_NS, diving
 from hil.safety.magnet import MagnetCheck
 from hil.safety.vehicle_gate import VehicleGate
 from hil.scoring.verdict import NOT_HELD
@@ -56,7 +58,7 @@ class VehicleLink(Node):
     """Driver and gate in one node: nothing comes between the last check and the wire."""
 
     name = "vehicle_link"
-    inputs = ("policy/action", "referee/contact")
+    inputs = ("policy/action", "referee/contact", "belief")
     outputs = ("vehicle/odometry", "vehicle/status", "vehicle/sent", "vehicle/parameters", "event")
     wakes = ("policy/action",)
     period_ns = 2_000_000
@@ -84,6 +86,8 @@ class VehicleLink(Node):
         if stands_for_truth:
             self.outputs = (*VehicleLink.outputs, "truth/vehicle")
         self._odometry: VehicleState | None = None
+        self._board: Belief | None = None
+        self._commanded_ns: int | None = None
         self._status_ns = -STATUS_PERIOD_NS
         self._phase = ""
         self._published: dict[str, float] = {}
@@ -112,17 +116,15 @@ class VehicleLink(Node):
             return []
         contact: Contact | None = inbox.latest("referee/contact")
         lost = self._end(now_ns, contact) if contact is not None and contact.outcome != "ongoing" else ""
-        actions = inbox.new("policy/action")
+        actions, self._board = inbox.new("policy/action"), inbox.latest("belief")
         command, sent, tripped = self._checked(now_ns, self._wanted(actions)) if actions else (None, None, "")
         if tripped and self._link.phase == "handed_over":  # not from a pilot who has taken over
             self._link.release()
+        silent = self._silent(now_ns, command is not None)
         pose, refused = self._poses.take(now_ns, inbox, self._link.armed) if self._poses else (None, "")
         output = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]
-        if lost:
-            outs.append(Out("event", Event(now_ns, "error", self.name, lost)))
-        if refused:
-            outs.append(Out("event", Event(now_ns, "error", self.name, refused)))
+        outs += [Out("event", Event(now_ns, "error", self.name, text)) for text in (lost, refused, silent) if text]
         if tripped:
             outs.append(Out("event", Event(now_ns, "error", "gate", f"gate tripped: {tripped}")))
         for sample in output.odometry:
@@ -179,11 +181,22 @@ class VehicleLink(Node):
             return engaged[-1]
         return replace(engaged[-1], body_rate=(0.0, 0.0, 0.0), thrust=self._gate.least_thrust)
 
+    def _silent(self, now_ns: int, commanded: bool) -> str:
+        """Hand the vehicle back if commands have stopped in the dive, sooner than its driver would; why, once."""
+        if commanded or self._commanded_ns is None or self._link.phase != "handed_over":
+            self._commanded_ns = now_ns if commanded else None
+            return ""
+        silent_ns = now_ns - self._commanded_ns
+        if silent_ns < SILENCE_NS or self._magnet is not None or not diving(now_ns, self._odometry, self._board):
+            return ""
+        self._link.release()
+        return f"no command for {silent_ns * 1e-9:.2f} s in the dive: the vehicle is handed back"
+
     def _checked(self, now_ns: int, action: Action | None) -> tuple[Rates | None, Sent | None, str]:
         """(what to send, its record, why the gate tripped just now)."""
         if action is None or self._gate.tripped:
             return None, None, ""
-        sent = self._gate.check(now_ns, action, self._odometry)
+        sent = self._gate.check(now_ns, action, self._odometry, self._board)
         if sent is not None:
             return Rates(sent.body_rate, sent.thrust), sent, ""
         if self._gate.tripped:

@@ -3,7 +3,8 @@
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped trips the gate: a number
 that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence, about to sink
 through its floor, or without fresh odometry; odometry that moves faster than the vehicle can; a board that has not been
-seen for seconds; a command that repeats to the last bit while the odometry changes. A trip latches: no command is sent
+seen for seconds, or, moving, for a moment of the dive at it; a command that repeats to the last bit while the odometry
+changes. A trip latches: no command is sent
 any more, the driver hands the vehicle back to its autopilot, and the autopilot's own failsafe acts on the missing
 commands if that order is lost.
 """
@@ -13,7 +14,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from hil.contract.messages import Action, Quat, Sent, VehicleState
+from hil.contract.messages import Action, Belief, Quat, Sent, VehicleState
+from hil.safety.dive import SILENCE_NS, diving, unseen
 from hil.safety.limits import GateLimits
 from kernel.stamps import later_than_now
 from vehicle.quadrotor.airframe import CommandLimits
@@ -48,11 +50,17 @@ class VehicleGate:
         """The speed beyond which the gate trips, m/s."""
         return self._limits.speed
 
-    def check(self, now_ns: int, action: Action, vehicle: VehicleState | None) -> Sent | None:
-        """`action` against the limits; `vehicle` is the newest odometry. A trip latches; `tripped` names its reason."""
+    def check(
+        self, now_ns: int, action: Action, vehicle: VehicleState | None, board: Belief | None = None
+    ) -> Sent | None:
+        """`action` against the limits; `vehicle` is the newest odometry, `board` the newest belief, None before the
+        first. A trip latches; `tripped` names its reason."""
         if self.tripped:
             return None
-        self.tripped = self._trip(now_ns, action, vehicle)
+        self.tripped = self._trip(now_ns, action, vehicle) or unseen(now_ns, vehicle, board)
+        if not self.tripped and vehicle is not None:
+            limit_ns = SILENCE_NS if diving(now_ns, vehicle, board) else _REPEAT_NS
+            self.tripped = self._repeats(now_ns, action, vehicle, limit_ns)
         if self.tripped:
             return None
         self._before = vehicle
@@ -99,16 +107,16 @@ class VehicleGate:
         sinks, height = max(0.0, -vehicle.velocity[2]), vehicle.position[2] - limits.z[0]
         if sinks * sinks > 2.0 * _BRAKING * height:
             return f"vehicle sinks at {sinks:.1f} m/s, {height:.2f} m above the floor of its fence"
-        return self._repeats(now_ns, action, vehicle)
+        return ""
 
-    def _repeats(self, now_ns: int, action: Action, vehicle: VehicleState) -> str:
+    def _repeats(self, now_ns: int, action: Action, vehicle: VehicleState, limit_ns: int) -> str:
         """Why the command does not answer to the odometry; empty if it does, or if no number of it could."""
         first = self._repeated
         if first is None or _numbers(first[0]) != _numbers(action) or self._at_bounds(action):
             self._repeated = action, vehicle, now_ns
             return ""
         seconds = (now_ns - first[2]) * 1e-9
-        if now_ns - first[2] < _REPEAT_NS or replace(vehicle, stamp_ns=first[1].stamp_ns) == first[1]:
+        if now_ns - first[2] < limit_ns or replace(vehicle, stamp_ns=first[1].stamp_ns) == first[1]:
             return ""
         return f"command has not changed for {seconds:.2f} s, and the odometry has"
 

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from kernel.rotations import yaw
 from vehicle.px4 import protocol as px4
 from vehicle.px4.codec import Frame
+from vehicle.px4.driver.braking import BRAKE_NS, braking_rates
 from vehicle.px4.driver.core import BEFORE_FLIGHT, SECOND
 from vehicle.px4.driver.goto import Approach, HoverThrust
 from vehicle.px4.driver.prepare import ARM, SETPOINT_NS, GroundPhases
@@ -21,8 +22,7 @@ from vehicle.px4.driver.send import ByteWire
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Rates
 
 _KILL_NS = 100_000_000
-_TAKEN_OFF_M = 1.0  # above the ground; from here it flies to the start
-_CLIMB_M = 1.5  # above the ground, of the take-off's set-point
+_TAKEN_OFF_M, _CLIMB_M = 1.0, 1.5  # above the ground: from here it flies to the start; the take-off's set-point
 _BRAKE_ABOVE, _BRAKED = 1.0, 0.5  # m/s: a faster vehicle brakes before it is handed back, down to the second
 _BRAKE_LIMIT_S = 1.5
 _OURS = (px4.OFFBOARD, px4.LAND, px4.RTL)  # modes that this driver, or a failsafe in its flight, has brought about
@@ -130,8 +130,7 @@ class Px4Link(GroundPhases):
             self._fail(f"not at rest at the start after {config.goto_limit:g} s: {away:.2f} m away, {speed:.2f} m/s")
 
     def _arrive(self) -> None:
-        complaint = self._learned.complaint()
-        if complaint:
+        if complaint := self._learned.complaint():
             self._fail(complaint)
             return
         rate = self._odometry_count / max(1e-3, (self._t - self._since) * 1e-9)
@@ -150,17 +149,20 @@ class Px4Link(GroundPhases):
         self._check_control()
 
     def _step_brake(self, now_ns: int) -> None:
-        """Stop in OFFBOARD, at the tilt that PX4's velocity controller takes at once (MPC_XY_VEL_P_ACC): its modes that
-        land or hold would slow down by MPC_ACC_HOR, too late for a vehicle in front of a board."""
+        """Stop in OFFBOARD. PX4's modes that land or hold would slow down by MPC_ACC_HOR, too late before a board."""
         self._check_control()
         if self.phase != "brake":
             return
         if self._speed() < _BRAKED or self._elapsed(_BRAKE_LIMIT_S):
             self._enter("released")
             self._step_released(now_ns)
-        elif now_ns - self._setpoint_ns >= SETPOINT_NS:
+        elif now_ns - self._setpoint_ns >= BRAKE_NS:
             self._setpoint_ns = now_ns
-            self._send.stop()
+            rates = braking_rates(self._t, self._autopilot.odometry, self.hover_thrust)
+            if rates is None:
+                self._send.stop()
+            else:
+                self._send.rates(rates, self.hover_thrust)
 
     def _step_interrupted(self, now_ns: int) -> None:
         """Nothing is sent, so that the autopilot's failsafe, or the pilot who has taken over, flies."""

@@ -12,7 +12,7 @@ from vehicle.px4.driver.signing import Signer
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, Rates, Vec3
 
 OUR_SYSTEM, OUR_COMPONENT = 245, 190  # ids of a ground station, as MAVSDK uses them
-_GRAVITY = 9.80665
+GRAVITY = 9.80665
 _NAN = math.nan
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _POSITION_VELOCITY_YAW = int(px4.PositionMask.ACCELERATION | px4.PositionMask.YAW_RATE)  # fields that PX4 ignores
@@ -97,7 +97,7 @@ class Sender:
 
     def rates(self, command: Rates, hover_thrust: float) -> float:
         """Body rates and thrust; returns the normalised thrust (0..1) on the wire."""
-        thrust = min(1.0, max(0.0, command.thrust / _GRAVITY * hover_thrust))
+        thrust = min(1.0, max(0.0, command.thrust / GRAVITY * hover_thrust))
         self._send(
             "SET_ATTITUDE_TARGET", self._boot_ms(), *self._target, int(px4.BODY_RATES), _IDENTITY,
             *swap_body(*command.body_rate), thrust, (0.0, 0.0, 0.0),

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from hil.contract.messages import Action, Contact, VehicleState
+from hil.contract.messages import Action, Belief, Contact, VehicleState
 from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleLink
 from hil.safety.limits import GateLimits
 from hil.safety.vehicle_gate import VehicleGate
@@ -48,8 +48,8 @@ class Rig:
         self.node = VehicleLink(self.link, VehicleGate(GateLimits()), **options)
         self.step(NOW - 4 * MS, odometry=True)
 
-    def step(self, now_ns, *given, odometry=False, climb=0.0):
-        sample = Odometry(now_ns, (0.0, 0.0, 2.0), (0.0, 0.0, climb), (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
+    def step(self, now_ns, *given, odometry=False, climb=0.0, ahead=0.0):
+        sample = Odometry(now_ns, (0.0, 0.0, 2.0), (ahead, 0.0, climb), (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         self.link.output.odometry = [sample] if odometry else []
         outs = self.node.step(now_ns, filled(self.node, *given))
         return {topic: [out.message for out in outs if out.topic == topic] for topic in self.node.outputs}
@@ -112,6 +112,32 @@ def test_vehicle_node_sends_nothing_after_a_trip_and_reports_it_once():
         assert rig.link.commands[-1] is None
         assert (outs["vehicle/sent"], outs["event"]) == ([], [])
     assert rig.link.calls == ["release"]
+
+
+BOARD = Belief(NOW, True, (1.0, 0.0, 2.0), 0.0, 0.0, 0.0, 1.2, 1.0, NOW, 50, 0, (0.0,) * 9, 0.0, 50, 0.01)
+
+
+@pytest.mark.parametrize(("board_x", "handed_back_ms"), [(1.0, 120), (3.0, None)])
+def test_vehicle_is_handed_back_soon_if_commands_stop_in_the_dive(board_x, handed_back_ms):
+    rig, found, events = Rig(), None, []
+    belief = "belief", replace(BOARD, position=(board_x, 0.0, 2.0))
+    for t in range(0, 200, 2):
+        given = [action(NOW)] if t == 0 else []
+        events += rig.step(NOW + t * MS, belief, *given, odometry=True, ahead=2.0)["event"]
+        if rig.link.calls:
+            found, rig.link.phase = t, "brake"
+            break
+    assert found == handed_back_ms
+    events += rig.step(NOW + 300 * MS, belief, odometry=True, ahead=2.0)["event"]
+    told = ["no command for 0.12 s in the dive: the vehicle is handed back"] if handed_back_ms else []
+    assert ([e.text for e in events], rig.link.calls) == (told, ["release"] * len(told))
+
+
+def test_vehicle_that_was_never_commanded_is_not_handed_back_for_silence():
+    rig = Rig()
+    for t in range(0, 300, 2):
+        rig.step(NOW + t * MS, ("belief", BOARD), odometry=True, ahead=2.0)
+    assert rig.link.calls == []
 
 
 @pytest.mark.parametrize("phase", ["hover", "interrupted", "released", "brake"])
