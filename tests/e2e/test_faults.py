@@ -24,10 +24,10 @@ def table(kind, **values):
     return FaultTable.model_validate({"kind": kind, "at": 0.3, **values})
 
 
-def flown(out, *faults, seed=0, scenario="simple-i"):
-    plan = Plan(scenario, "sim", "planner", "model", faults=faults)
+def flown(out, *faults, seed=0, scenario="simple-i", policy="planner"):
+    plan = Plan(scenario, "sim", policy, "model", faults=faults)
     return fly(
-        plan.scenario, plan.rig, plan.make_policy(), seed, policy_name="planner", rig_name="sim", pictures="none",
+        plan.scenario, plan.rig, plan.make_policy(), seed, policy_name=policy, rig_name="sim", pictures="none",
         out=out, code=CODE, progress=lambda *_: None,
     )  # fmt: skip
 
@@ -80,6 +80,19 @@ def test_board_that_stands_does_not_move_when_motion_capture_jumps(tmp_path):
     assert max(math.dist(place, places[0]) for place in places) < 0.01
     texts = [m.text for _, _, m in Recording(flight.run.recording).messages(["event"])]
     assert any("the board's pose has jumped by 1.00 m" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        (table("camera.dropped", at="distance < 2.0"), "in front of it"),
+        (table("policy.frozen", at="distance < 1.5"), "command has not changed for 0.12 s"),
+    ],
+)
+def test_vehicle_in_front_of_a_fast_board_stops_before_it(fault, why, tmp_path):
+    found = flown(tmp_path, fault, seed=2, scenario="hard-i", policy="vision").flight_class
+    assert found is not None and found.name == ABORTED, found
+    assert any(why in text for text in found.why), found
 
 
 def test_vehicle_whose_magnet_does_not_hold_recovers_and_lands(tmp_path):
