@@ -26,7 +26,7 @@ CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
 _BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board
 _STANDING = 0.05  # m/s
 _BLIND_NS = 1_000_000_000  # the car is not driven by an older measurement
-_FASTEST = 3.5  # m/s, that no car reaches (CarGateLimits.measured_speed)
+_FASTEST = CarGateLimits().measured_speed  # m/s, that no car reaches
 
 
 class CarFollower(Node):

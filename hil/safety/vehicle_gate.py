@@ -3,10 +3,9 @@
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped trips the gate: a number
 that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence, about to sink
 through its floor, or without fresh odometry; odometry that moves faster than the vehicle can; a board that has not been
-seen for seconds, or, moving, for a moment of the dive at it; a command that repeats to the last bit while the odometry
-changes. A trip latches: no command is sent
-any more, the driver hands the vehicle back to its autopilot, and the autopilot's own failsafe acts on the missing
-commands if that order is lost.
+seen for seconds, or for a moment of the dive at it if it moves; a command that repeats to the last bit while the
+odometry changes. A trip latches: no command is sent any more, the driver hands the vehicle back to its autopilot, and
+the autopilot's own failsafe acts on the missing commands if that order is lost.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@ import math
 from dataclasses import replace
 
 from hil.contract.wire import memory_pair
-from vehicle.px4.codec import MESSAGES
+from vehicle.px4.codec import MESSAGES, Packer
 from vehicle.px4.driver.driver import Px4Link
-from vehicle.px4.driver.types import LinkConfig
+from vehicle.px4.driver.types import LinkConfig, Rates
 from vehicle.px4.sim.autopilot import Px4Sim
 from vehicle.quadrotor.airframe import load_airframe
 
@@ -14,6 +14,17 @@ MS = 1_000_000
 HERE = (3.0, -2.0, 0.0)
 START = (3.5, -2.5, 3.0, 0.9)
 HEADING = 0.7
+HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
+NAN = float("nan")
+
+
+def hover(_):
+    return HOVER
+
+
+def client(system=255, component=190):
+    """Frames of another system on the wire."""
+    return Packer(system, component)
 
 
 class Tap:

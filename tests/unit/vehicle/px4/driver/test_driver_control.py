@@ -2,21 +2,9 @@
 
 import pytest
 
-from tests.unit.vehicle.px4.driver.driver_bench import Bench
+from tests.unit.vehicle.px4.driver.driver_bench import HOVER, NAN, Bench, client, hover
 from vehicle.px4 import protocol as px4
-from vehicle.px4.codec import Packer
 from vehicle.px4.driver.types import Rates
-
-HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
-NAN = float("nan")
-
-
-def hover(_):
-    return HOVER
-
-
-def client(system=255, component=190):
-    return Packer(system, component)
 
 
 def test_vehicle_is_landed_after_a_gap_and_control_is_not_resumed():

@@ -4,23 +4,10 @@ import random
 
 import pytest
 
-from tests.unit.vehicle.px4.driver.driver_bench import START, Bench
+from tests.unit.vehicle.px4.driver.driver_bench import NAN, START, Bench, client, hover
 from vehicle.px4 import protocol as px4
-from vehicle.px4.codec import Packer
 from vehicle.px4.driver.arming import Arming
-from vehicle.px4.driver.types import LinkConfig, Rates
-
-HOVER = Rates((0.0, 0.0, 0.0), 9.80665)
-NAN = float("nan")
-
-
-def hover(_):
-    return HOVER
-
-
-def client(system=255, component=190):
-    return Packer(system, component)
-
+from vehicle.px4.driver.types import LinkConfig
 
 # refusals
 
