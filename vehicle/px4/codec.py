@@ -13,7 +13,7 @@ from fastcrc.crc16 import mcrf4xx
 
 from vehicle.px4.dialect import MESSAGES, MessageType
 
-__all__ = ["MESSAGES", "Frame", "MessageType", "Packer", "Parser"]
+__all__ = ["MESSAGES", "Frame", "MessageType", "Packer", "Parser", "message_id"]
 
 _HEADER = struct.Struct("<BBBBBBBHB")
 _CRC = struct.Struct("<H")
@@ -43,6 +43,11 @@ class Packer:
     def send_name(self, name: str, *values: Any) -> bytes:
         """`pack` by the message's name."""
         return self.pack(MESSAGES[name], *values)
+
+
+def message_id(frame: bytes) -> int:
+    """The message's number in a MAVLink 2 frame."""
+    return int.from_bytes(frame[7:10], "little")
 
 
 class Frame:

@@ -1,4 +1,4 @@
-"""What was sent has been processed before `send` returns."""
+"""A set-point has been processed before `send` returns."""
 
 import pytest
 
@@ -41,53 +41,71 @@ def ends():
     return BarrierWire(other, lambda: other.now_us), other
 
 
-def frame():
-    return Packer(245, 190).send_name("HEARTBEAT", 18, 8, 0, 0, 4, 3)
+def setpoint():
+    return Packer(245, 190).send_name(
+        "SET_ATTITUDE_TARGET", 0, 1, 1, 128, (1.0, 0.0, 0.0, 0.0), 0.1, 0.0, 0.0, 0.5, (0.0,) * 3
+    )
 
 
-def test_nothing_is_waited_for_before_the_firmware_is_heard(ends):
-    wire, other = ends
-    wire.send(frame())
-    assert other.got == ["HEARTBEAT"]
-
-
-def test_each_item_is_followed_by_a_ping_and_its_answer(ends):
-    wire, other = ends
-    other.waiting.append(b"\xfd")
+def answering(wire, other):
+    """The firmware has answered its first PING."""
+    wire.send(setpoint())
     wire.receive()
-    wire.send(frame())
-    assert other.got == ["HEARTBEAT", "PING"]
-    names = [f.name for data in wire.receive() for f in Parser().feed(data)]
+    other.got.clear()
+
+
+def test_nothing_is_waited_for_before_the_firmware_has_answered(ends):
+    wire, other = ends
+    other.deaf = True
+    for _ in range(3):
+        wire.send(setpoint())
+    assert (other.got, wire.missed) == (3 * ["SET_ATTITUDE_TARGET", "PING"], 0)
+
+
+def test_set_point_is_followed_by_a_ping_and_its_answer(ends):
+    wire, other = ends
+    answering(wire, other)
+    wire.send(setpoint())
+    assert other.got == ["SET_ATTITUDE_TARGET", "PING"]
+    names = [f.name for data in wire._waiting for f in Parser().feed(data)]
     assert names == ["HEARTBEAT", "PING"], "what came while it waited is kept"
     assert wire.missed == 0
 
 
-def test_firmware_that_does_not_answer_is_counted(ends, monkeypatch):
+def test_command_is_not_waited_for(ends):
+    """It has an acknowledgement; PX4 receives nothing while it waits, by its clock, for a stream to begin."""
     wire, other = ends
-    other.waiting.append(b"\xfd")
-    wire.receive()
+    answering(wire, other)
+    wire.send(Packer(245, 190).send_name("COMMAND_LONG", 1, 1, 511, 0, *(0.0,) * 7))
+    assert other.got == ["COMMAND_LONG"]
+
+
+def test_firmware_that_stops_answering_is_waited_for_once(ends, monkeypatch):
+    wire, other = ends
+    answering(wire, other)
+    monkeypatch.setattr(barrier, "_PING_S", 0.02)
     other.deaf = True
-    monkeypatch.setattr(barrier, "_PATIENCE_S", 0.02)
-    wire.send(frame())
+    for _ in range(5):
+        wire.send(setpoint())
+        other.waiting.append(other.odometry(1000))
+        wire.receive()
     assert wire.missed == 1
     wire.close()
     assert other.got[-1] == "closed"
 
 
-def test_firmware_that_was_silent_is_asked_again_once_it_is_heard(ends, monkeypatch):
+def test_firmware_that_answers_again_is_waited_for_again(ends, monkeypatch):
     wire, other = ends
-    monkeypatch.setattr(barrier, "_PATIENCE_S", 0.02)
-    other.waiting.append(b"\xfd")
-    wire.receive()
+    answering(wire, other)
+    monkeypatch.setattr(barrier, "_PING_S", 0.02)
     other.deaf = True
-    for _ in range(5):
-        wire.send(frame())
-    assert wire.missed == 1, "waited for once"
+    wire.send(setpoint())
     other.deaf = False
-    other.waiting.append(b"\xfd")
+    wire.send(setpoint())
+    assert other.waiting, "its answer was not waited for"
     wire.receive()
-    wire.send(frame())
-    assert (other.got[-1], wire.missed) == ("PING", 1)
+    wire.send(setpoint())
+    assert (other.waiting, wire.missed) == ([], 1)
 
 
 def test_odometry_that_is_due_is_waited_for(ends):
@@ -103,7 +121,7 @@ def test_odometry_that_is_due_is_waited_for(ends):
 
 def test_odometry_that_has_stopped_is_waited_for_once(ends, monkeypatch):
     wire, other = ends
-    monkeypatch.setattr(barrier, "_PATIENCE_S", 0.02)
+    monkeypatch.setattr(barrier, "_ODOMETRY_S", 0.01)
     for time_us in (0, 8000, 16000):
         other.now_us = time_us
         other.waiting.append(other.odometry(time_us))
