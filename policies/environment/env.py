@@ -76,9 +76,13 @@ class Env:
 
     def reset(self) -> np.ndarray:
         """Begin a new episode in every row and empty the tally; returns the observations ((N, OBS_DIM) float32)."""
-        reset_rows(self.rows, self.shared)
+        self.restart(np.ones(self.config.count, dtype=np.bool_))
         self.tally = Tally()
         return self.rows.observation
+
+    def restart(self, chosen: np.ndarray) -> None:
+        """Begin a new episode in the rows that `chosen` ((N,) bool) holds; the tally does not get what they leave."""
+        reset_rows(self.rows, self.shared, chosen)
 
     def step(self, actions: np.ndarray) -> np.ndarray:
         """Advance every row under `actions` ((N, 4), clipped to [-1, 1]); returns the observations.

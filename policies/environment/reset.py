@@ -152,7 +152,8 @@ def reset_row(rows, i, shared):
 
 
 @njit(parallel=True)
-def reset_rows(rows, shared):
-    """Begin a new episode in every row."""
+def reset_rows(rows, shared, chosen):
+    """Begin a new episode in every row i for which `chosen[i]`."""
     for i in prange(rows.done.shape[0]):
-        reset_row(rows, np.int64(i), shared)  # an index of prange is unsigned: all below would be compiled twice
+        if chosen[i]:
+            reset_row(rows, np.int64(i), shared)  # an index of prange is unsigned: all below would be compiled twice

@@ -9,7 +9,6 @@ import numpy as np
 from kernel.random import stream
 from policies.environment import ended_row
 from policies.environment.env import Env, advance
-from policies.environment.reset import reset_rows
 from policies.task import result_row
 from policies.task.contact import REASONS, SUCCESS
 
@@ -30,8 +29,7 @@ def begin(env: Env, seed: int | None) -> np.ndarray:
     if seed is not None:
         env.rows.rng[:] = [stream(seed, row) for row in range(env.config.count)]
     _take_new_memory(env)
-    reset_rows(env.rows, env.shared)
-    return env.rows.observation
+    return env.reset()
 
 
 def step(env: Env, actions: np.ndarray) -> np.ndarray:

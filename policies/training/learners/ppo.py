@@ -30,6 +30,8 @@ from policies.training.learners.device import Uplink
 from policies.training.learners.rollout import Rollout
 from policies.training.learners.storage import TrainingError, env_state, load_env
 
+_STAGGER = 300  # control steps over which the rows' first episodes begin: about a flight
+
 
 @dataclass(frozen=True)
 class PpoConfig:
@@ -100,6 +102,8 @@ class Ppo:
 
     def step(self) -> dict[str, float]:
         c = self.config
+        if self.samples == 0:
+            self._stagger()
         last_value = self._collect()
         progress = min(1.0, self.samples / c.samples)
         rate = c.rate + (c.rate_end - c.rate) * progress
@@ -117,6 +121,17 @@ class Ppo:
             "std": float(self.actor.log_std.exp().mean().detach()),
             **numbers,
         }
+
+    @torch.no_grad()
+    def _stagger(self) -> None:
+        """Begin the rows' first episodes at different times. Rows of one age show the learner one part of a flight at a
+        time; learning that one it forgets the others, and a clone of a teacher is lost before it sees them again."""
+        env = self.env
+        begin = torch.randint(_STAGGER, (env.config.count,), generator=self.rng).numpy()
+        for t in range(_STAGGER):
+            env.step(self.actor(self._uplink.observation()).cpu().numpy())
+            env.restart(begin == t)
+        env.tally.__init__()
 
     @torch.no_grad()
     def _collect(self) -> Tensor:

@@ -92,6 +92,18 @@ def test_episode_is_equal_for_equal_seeds_in_batches_of_any_size():
         assert np.array_equal(getattr(one.rows, name), getattr(two.rows, name)[:8]), name
 
 
+def test_only_chosen_rows_begin_a_new_episode():
+    env = Env(EnvConfig(count=8, seed=4))
+    env.reset()
+    for k in range(5):
+        env.step(actions(8, k))
+    before, chosen = env.rows.vehicle.copy(), np.arange(8) % 2 == 0
+    env.restart(chosen)
+    assert (env.rows.state[chosen, episode_row.STEP] == 0.0).all() and len(env.tally.rows) == 0
+    assert (env.rows.state[~chosen, episode_row.STEP] == 5.0).all()
+    assert np.array_equal(env.rows.vehicle[~chosen], before[~chosen])
+
+
 def test_vision_starts_with_the_board_in_view_and_a_belief():
     env = Env(EnvConfig(count=256, seed=5, stage="vision"))
     env.reset()

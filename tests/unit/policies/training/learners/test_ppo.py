@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import torch
 
+from policies.environment import episode_row
 from policies.environment.config import EnvConfig
 from policies.network.actor_critic import NetworkConfig
 from policies.task.reward import RewardWeights
@@ -73,3 +75,11 @@ def test_action_noise_stays_above_its_floor():
     for _ in range(3):
         run.step()
     assert float(run.actor.log_std.exp().min().detach()) >= 0.0999
+
+
+def test_episodes_have_different_ages_from_the_first_rollout_on():
+    run = make()
+    run.step()
+    rows = run.env.rows.state
+    ages = rows[:, episode_row.STEP] - rows[:, episode_row.BEGIN]
+    assert np.ptp(ages) > 50 and len(np.unique(ages)) > 16
