@@ -23,7 +23,7 @@ class MeasureError(RuntimeError):
 
 
 def files() -> dict[str, str]:
-    """sha256 of every shipped network, by file name."""
+    """sha256 of every network of the paper's quadrotor, which the experiments fly, by file name."""
     found = sorted(path for path in CHECKPOINTS.iterdir() if path.is_file())
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-SHIPPED = ("vision", "state")  # networks, by the stage that they are for: a camera's belief; the board's true state
+# Networks, name -> file: of the paper's quadrotor by the stage that they are for, a camera's belief or the board's true
+# state; of the Crazyflie, before a vertical board known by motion capture.
+SHIPPED = {"vision": "vision.onnx", "state": "state.onnx", "crazyflie": "airframes/crazyflie.onnx"}
 PLANNERS = ("planner", "planner-analytic")  # it predicts the board by a network; by equations
-FLYABLE = ("vision", *PLANNERS)  # what knows of the board by a camera, as every flight does
+FLYABLE = ("vision", *PLANNERS, "crazyflie")  # no rig knows of the board what `state` is told
 CHECKPOINTS = Path(__file__).parents[1] / "checkpoints"
 
 
@@ -18,5 +20,5 @@ def policy_data(policy: str) -> dict[str, Path]:
 def policy_file(policy: str) -> Path | None:
     """The file behind `policy`, a shipped network's name or a path; None if it has none, as the planners."""
     if policy in SHIPPED:
-        return CHECKPOINTS / f"{policy}.onnx"
+        return CHECKPOINTS / SHIPPED[policy]
     return Path(policy) if Path(policy).suffix or "/" in policy else None

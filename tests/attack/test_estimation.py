@@ -31,6 +31,7 @@ from policies.flying.registry import policy_factory
 from policies.flying.shipped import FLYABLE
 from scenarios.draw import draw
 from scenarios.spec import load
+from tests.unit.policies.flying.made_networks import made_for
 from vehicle.px4.driver.clocks import ClockOffset
 from vehicle.px4.driver.types import LinkOutput, Odometry
 from vehicle.quadrotor.airframe import load_airframe
@@ -138,7 +139,7 @@ def broken(message, field, index, value, now_ns):
 
 @pytest.fixture(scope="module", params=FLYABLE if FACTOR > 1 else ("state", "planner"))
 def policy(request):
-    return policy_factory(request.param, AIRFRAME)()
+    return policy_factory(request.param, made_for(request.param))()
 
 
 @pytest.fixture(scope="module")

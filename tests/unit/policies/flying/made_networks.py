@@ -10,13 +10,21 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from policies.flying.contract import METADATA_KEY, Contract, Provenance
+from policies.flying.onnx_file import open_policy
+from policies.flying.shipped import policy_file
 from policies.task.observation import OBS_DIM
-from vehicle.quadrotor.airframe import load_airframe
+from vehicle.quadrotor.airframe import Airframe, load_airframe
 
 PAPER = load_airframe("paper_quad")
 CONTRACT = Contract.of(PAPER, name="test", stage="vision", provenance=Provenance(recipe="r", seed=1, samples=2))
 FLOAT = TensorProto.FLOAT
 MATMUL = helper.make_node("MatMul", ["observation", "w"], ["action"])
+
+
+def made_for(name: str) -> Airframe:
+    """The airframe that a policy's network was made for; the paper's quadrotor for a planner."""
+    file = policy_file(name)
+    return PAPER if file is None else load_airframe(open_policy(file).contract.airframe)
 
 
 def tensor(name, *shape, kind=FLOAT):

@@ -14,6 +14,7 @@ from policies.flying.registry import policy_factory
 from policies.flying.shipped import FLYABLE, policy_file
 from policies.guidance.guide import NOT_FINITE
 from policies.task.interface import Command
+from tests.unit.policies.flying.made_networks import made_for
 from vehicle.quadrotor.airframe import load_airframe
 
 MS = 1_000_000
@@ -36,7 +37,7 @@ def belief(now_ms, **changes):
 
 def engaged(name):
     """The policy in flight for 100 ms."""
-    policy = policy_factory(name, AIRFRAME)()
+    policy = policy_factory(name, made_for(name))()
     policy.reset(0)
     for k in range(10):
         command = policy.step(10 * k * MS, odometry(10 * k), belief(10 * k))
@@ -73,7 +74,7 @@ def test_broken_odometry_or_belief_gives_no_command_and_is_not_kept(name):
 
 @pytest.mark.parametrize("name", FLYABLE)
 def test_broken_belief_engages_no_policy(name):
-    policy = policy_factory(name, AIRFRAME)()
+    policy = policy_factory(name, made_for(name))()
     policy.reset(0)
     assert not policy.step(0, odometry(0), belief(0, heading=math.nan)).engaged
 

@@ -13,7 +13,7 @@ from policies.flying.contract import (
 )
 from policies.flying.onnx_file import open_policy
 from policies.flying.shipped import SHIPPED, policy_file
-from tests.unit.policies.flying.made_networks import CONTRACT, PAPER
+from tests.unit.policies.flying.made_networks import CONTRACT, PAPER, made_for
 from vehicle.quadrotor.airframe import load_airframe
 
 CRAZYFLIE = load_airframe("crazyflie")
@@ -92,7 +92,7 @@ def test_contract_without_guidance_disables_it():
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_network_matches_its_airframe(name):
     """Its camera's tilt was written with 12 digits: rounding is no other camera."""
-    check_contract(open_policy(policy_file(name)).contract, airframe=PAPER)
+    check_contract(open_policy(policy_file(name)).contract, airframe=made_for(name))
 
 
 PAPER_CAMERA = CameraContract.of(PAPER)

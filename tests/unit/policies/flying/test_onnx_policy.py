@@ -8,6 +8,7 @@ from policies.flying.onnx_policy import OnnxPolicy
 from policies.flying.registry import policy_factory
 from policies.flying.shipped import SHIPPED, policy_file
 from policies.task import history_row
+from tests.unit.policies.flying.made_networks import made_for
 from vehicle.quadrotor.airframe import load_airframe
 
 MS = 1_000_000
@@ -35,5 +36,5 @@ def test_policy_acts_on_a_picture_between_ticks_and_history_keeps_its_stride():
 @pytest.mark.parametrize("name", [*SHIPPED, "planner", "planner-analytic"])
 def test_shipped_policy_opens_by_name_from_any_folder(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    policy = policy_factory(name, AIRFRAME)()
+    policy = policy_factory(name, made_for(name))()
     policy.reset(0)
