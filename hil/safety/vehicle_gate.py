@@ -14,7 +14,7 @@ import math
 from dataclasses import replace
 
 from hil.contract.messages import Action, Belief, Quat, Sent, VehicleState
-from hil.safety.dive import SILENCE_NS, diving, unseen
+from hil.safety.dive import SILENCE_NS, Lookout, diving
 from hil.safety.limits import GateLimits
 from kernel.stamps import later_than_now
 from vehicle.quadrotor.airframe import CommandLimits
@@ -29,9 +29,13 @@ _AT_BOUND = 0.999  # share of a bound: a network's last layer comes near it only
 class VehicleGate:
     """One vehicle's gate. `check` returns what may be sent, or None if nothing may."""
 
-    def __init__(self, limits: GateLimits, asked: CommandLimits | None = None) -> None:
-        """`asked`: within what policies ask, where that is less than `limits`."""
+    def __init__(
+        self, limits: GateLimits, asked: CommandLimits | None = None, camera_tilt: float | None = None
+    ) -> None:
+        """`asked`: within what policies ask, where that is less than `limits`. `camera_tilt`: rad below the body's x
+        axis; None: no camera."""
         self._limits = limits
+        self._lookout = Lookout(camera_tilt)
         self._rate = min(limits.rate, asked.body_rate) if asked else limits.rate
         self._thrust = asked.thrust if asked else limits.thrust
         self.tripped = ""
@@ -56,7 +60,7 @@ class VehicleGate:
         first. A trip latches; `tripped` names its reason."""
         if self.tripped:
             return None
-        self.tripped = self._trip(now_ns, action, vehicle) or unseen(now_ns, vehicle, board)
+        self.tripped = self._trip(now_ns, action, vehicle) or self._lookout.unseen(now_ns, vehicle, board)
         if not self.tripped and vehicle is not None:
             limit_ns = SILENCE_NS if diving(now_ns, vehicle, board) else _REPEAT_NS
             self.tripped = self._repeats(now_ns, action, vehicle, limit_ns)
