@@ -60,7 +60,8 @@ def vehicle_link(parts: Parts) -> VehicleLink:
     reach = rig.gate.reach if real and rig.mocap.kind != "sim" else None
     virtual_board = real and "sim" in (rig.groundcar.kind, rig.mocap.kind)
     driver = _crazyflie_driver(parts) if slot.kind.startswith("crazyflie") else _px4_driver(parts)
-    gate = VehicleGate(rig.gate, parts.frame.command, math.radians(parts.frame.camera.tilt_deg))
+    tilt = None if rig.policy.knows == "mocap" else math.radians(parts.frame.camera.tilt_deg)
+    gate = VehicleGate(rig.gate, parts.frame.command, tilt)
     return VehicleLink(driver, gate, seen_by_simulation, slot.external_pose, virtual_board, reach)
 
 

@@ -46,7 +46,7 @@ class Lookout:
     believed to be."""
 
     def __init__(self, camera_tilt: float | None) -> None:
-        """`camera_tilt`: rad below the body's x axis; None: no camera."""
+        """`camera_tilt`: rad below the body's x axis; None: the board is not known by a camera."""
         self._axis = None if camera_tilt is None else (math.cos(camera_tilt), 0.0, -math.sin(camera_tilt))
         self._exposure_ns = self._since_ns = 0  # of the newest sighting; since when the camera looks in vain
 

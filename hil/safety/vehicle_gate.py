@@ -32,8 +32,7 @@ class VehicleGate:
     def __init__(
         self, limits: GateLimits, asked: CommandLimits | None = None, camera_tilt: float | None = None
     ) -> None:
-        """`asked`: within what policies ask, where that is less than `limits`. `camera_tilt`: rad below the body's x
-        axis; None: no camera."""
+        """`asked`: within what policies ask, where that is less than `limits`. `camera_tilt`: see `Lookout`."""
         self._limits = limits
         self._lookout = Lookout(camera_tilt)
         self._rate = min(limits.rate, asked.body_rate) if asked else limits.rate
