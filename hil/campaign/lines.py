@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from hil.recording.manifest import clean_manifest, clean_score, nested
+from hil.recording.manifest import board_known_by, clean_manifest, clean_score, nested
 from hil.recording.provenance import content_sha256
 from hil.recording.runs import Run
 from hil.scoring.verdict import INCOMPLETE, verdict_word
@@ -53,7 +53,7 @@ class Line:
         return Group(
             self._label("scenario"),
             str(self.manifest.get("identity", "unknown")),
-            str(nested(self.manifest, "rig", "camera").get("source", "unknown")),
+            board_known_by(self.manifest.get("rig")),
             self.policy,
             self._label("rig") if "rig" in self.apart else "",
             fault_titles(self.manifest),

@@ -184,6 +184,7 @@ def _print(plan: Plan, flown: Flown, notes: Console, as_json: bool, several: boo
     from hil.cli.console import json_row, run_table
     from hil.cli.screen import print_json, say, screen
     from hil.live.timing import timing_lines
+    from hil.recording.manifest import board_known_by
     from scenarios.spec import published_row
 
     flight = flown.flight
@@ -196,8 +197,8 @@ def _print(plan: Plan, flown: Flown, notes: Console, as_json: bool, several: boo
     folder, factor = flight.run.path, flight.real_time_factor
     if as_json:
         row: dict[str, Any] = json_row(
-            flight.score, published_row(plan.scenario), policy=plan.policy_name, camera=plan.rig.camera.source,
-            real_time_factor=factor, run_dir=folder,
+            flight.score, published_row(plan.scenario), policy=plan.policy_name,
+            camera=board_known_by(plan.rig.model_dump()), real_time_factor=factor, run_dir=folder,
         )  # fmt: skip
         print_json(row | ({"live": flown.timing} if flown.timing else {}))
         return

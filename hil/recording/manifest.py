@@ -42,6 +42,14 @@ def nested(table: Any, *keys: str) -> dict[str, Any]:
     return dict(table) if isinstance(table, Mapping) else {}
 
 
+def board_known_by(rig: Any) -> str:
+    """By what a flight knew the board: "pictures", "model" (of a camera) or "mocap"; "unknown" if the manifest's `rig`
+    does not say."""
+    if nested(rig, "policy").get("knows") == "mocap":
+        return "mocap"
+    return str(nested(rig, "camera").get("source", "unknown"))
+
+
 def _measured(value: Any) -> bool:
     """None, a number, or a range of two."""
     if isinstance(value, list | tuple):

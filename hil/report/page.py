@@ -12,7 +12,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from hil.recording.manifest import nested
+from hil.recording.manifest import board_known_by, nested
 from hil.report.drawing.charts import Pack, TimePlot
 from hil.report.drawing.section import Section
 from hil.report.recorded.flight import Recorded
@@ -82,7 +82,8 @@ def _head(recorded: Recorded) -> dict[str, Any]:
         ("policy", nested(manifest, "policy").get("name")),
     ]
     facts += [
-        ("detections from", _detections(nested(manifest, "rig", "camera"))),
+        ("detections from", _detections(nested(manifest, "rig"))),
+        ("board known by", "motion capture" if board_known_by(nested(manifest, "rig")) == "mocap" else None),
         ("rig", nested(manifest, "rig").get("title")),
         ("host", manifest.get("host")),
         ("flown", _moment(nested(manifest, "wall_clock").get("started_utc"))),
@@ -123,11 +124,11 @@ def _axis(recorded: Recorded) -> dict[str, Any]:
     }
 
 
-def _detections(camera: dict[str, Any]) -> str | None:
-    """What the detections were found in, by the rig's camera."""
-    if camera.get("source") == "model":
-        return "the paper's noise model, no pictures"
-    return None if "kind" not in camera else "drawn pictures" if camera["kind"] == "sim" else "real pictures"
+def _detections(rig: dict[str, Any]) -> str | None:
+    """What the detections were found in."""
+    real = nested(rig, "camera").get("kind") != "sim"
+    names = {"pictures": "real pictures" if real else "drawn pictures", "model": "the paper's noise model, no pictures"}
+    return names.get(board_known_by(rig))
 
 
 def _attempt_moment(recorded: Recorded) -> str | None:

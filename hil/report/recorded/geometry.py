@@ -93,6 +93,17 @@ def yaw_deg(orientation: np.ndarray) -> np.ndarray:
     return np.degrees(np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0])))
 
 
+def side_up_deg(orientation: np.ndarray) -> np.ndarray:
+    """Angle (n,) deg of body y above the horizon: the board's roll, also on a wall, where Z-Y-X has none."""
+    return np.degrees(np.arcsin(np.clip(axes(orientation)[:, 2, 1], -1.0, 1.0)))
+
+
+def heading_deg(orientation: np.ndarray) -> np.ndarray:
+    """Direction (n,) deg over the ground, at right angles to body y: the board's heading, also on a wall."""
+    R = axes(orientation)
+    return np.degrees(np.unwrap(np.arctan2(-R[:, 0, 1], R[:, 1, 1])))
+
+
 def specific_thrust(motion: Motion, gravity: float = 9.80665, half_window_s: float = 0.012) -> np.ndarray:
     """Acceleration without gravity along body z (n,) m/s^2, from differences of velocity; NaN at ends and gaps."""
     seconds = (motion.t - motion.t[0]) / 1e9

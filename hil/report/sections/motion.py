@@ -7,7 +7,7 @@ import numpy as np
 from hil.report.drawing.charts import BELIEF, BOARD, VEHICLE, TimePlot
 from hil.report.drawing.section import Section
 from hil.report.recorded.flight import Recorded
-from hil.report.recorded.geometry import Motion, nose_up_deg, roll_deg, yaw_deg
+from hil.report.recorded.geometry import Motion, heading_deg, nose_up_deg, roll_deg, side_up_deg, yaw_deg
 
 _AXES = ("east", "north", "up")
 
@@ -51,8 +51,9 @@ def _attitude(section: Section, bodies: list[tuple[str, str, Motion]]) -> None:
     pitch = TimePlot("pitch", "Pitch: nose up, and the board's inclination", "deg")
     yaw = TimePlot("yaw", "Yaw: counter-clockwise from east, and the board's heading", "deg", height=110)
     for body, colour, motion in bodies:
-        roll.add(body, colour, motion.t, roll_deg(motion.orientation))
+        about_x, about_z = (side_up_deg, heading_deg) if body == "board" else (roll_deg, yaw_deg)
+        roll.add(body, colour, motion.t, about_x(motion.orientation))
         pitch.add(body, colour, motion.t, nose_up_deg(motion.orientation))
-        yaw.add(body, colour, motion.t, yaw_deg(motion.orientation))
+        yaw.add(body, colour, motion.t, about_z(motion.orientation))
     for plot in (roll, pitch, yaw):
         section.plot(plot)

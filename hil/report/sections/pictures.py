@@ -14,12 +14,16 @@ from markupsafe import Markup
 
 from hil.contract.codec import codec
 from hil.contract.messages import Detection, Image
-from hil.recording.manifest import nested
+from hil.recording.manifest import board_known_by, nested
 from hil.recording.recorder import PICTURES, PREFIX
 from hil.report.drawing.section import Section
 from hil.report.recorded.flight import Recorded
 
 _VIEW, _RAW = "/" + PICTURES, PREFIX + PICTURES
+_NO_PICTURES = {
+    "model": "the camera was a model: there were no pictures",
+    "mocap": "the board was known by motion capture: there was no camera",
+}
 _WIDTH, _QUALITY = 480, 72
 _BEFORE_NS, _LATE_NS = 2_000_000_000, 5_000_000_000  # pictures before the attempt; publication after exposure at most
 _FULL_WIDTH = 1280  # px, of the pictures that corners are measured in, where the manifest does not tell
@@ -38,9 +42,8 @@ def build(recorded: Recorded) -> Section:
     topic = next((t for t in (_RAW, _VIEW) if t in recorded.recording.topics), "")
     wanted = _choose(recorded, _stamps(recorded, topic)) if topic else []
     if not wanted:
-        source = nested(recorded.manifest, "rig", "camera").get("source")
-        model, none = "the camera was a model: there were no pictures", "no picture of the attempt was recorded"
-        section.lost.append(("key frames", model if source == "model" else none))
+        known = board_known_by(recorded.manifest.get("rig"))
+        section.lost.append(("key frames", _NO_PICTURES.get(known, "no picture of the attempt was recorded")))
         return section
     figures = []
     for w in wanted:

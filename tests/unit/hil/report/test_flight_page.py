@@ -140,6 +140,10 @@ def test_the_page_lists_its_sections_and_says_what_detections_were_found_in(full
     manifest["rig"]["camera"]["source"] = "model"
     (copied / "manifest.json").write_text(json.dumps(manifest))
     assert "detections from the paper's noise model, no pictures" in Page(page.render([load(copied)])).text
+    manifest["rig"]["policy"]["knows"] = "mocap"
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    text = Page(page.render([load(copied)])).text
+    assert "board known by motion capture" in text and "detections from" not in text
 
 
 def test_wall_time_of_the_attempt_is_shown_of_a_live_run(copied):

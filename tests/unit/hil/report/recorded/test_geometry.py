@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,7 +7,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from hil.recording.foxglove import belief_orientation
-from hil.report.recorded.geometry import Motion, approach, at, axes, nose_up_deg, specific_thrust
+from hil.report.recorded.geometry import (
+    Motion,
+    approach,
+    at,
+    axes,
+    heading_deg,
+    nose_up_deg,
+    side_up_deg,
+    specific_thrust,
+)
 from policies.task import result_row
 from policies.task.contact import ContactRules, relative_state
 from vehicle.quadrotor.airframe import load_airframe
@@ -67,3 +78,16 @@ def test_thrust_is_one_g_in_hover_and_zero_in_free_fall():
     fall = hover._replace(velocity=np.column_stack([0 * t, 0 * t, -9.80665 * t / 1e9]))
     assert np.nanmax(np.abs(specific_thrust(fall))) < 1e-6
     assert np.isnan(specific_thrust(hover)[0])
+
+
+@given(ANGLES, st.floats(0.0, math.pi / 2))
+def test_heading_and_roll_of_a_board_are_defined_up_to_a_wall(heading, inclination):
+    board = np.tile(belief_orientation(heading, inclination), (2, 1))
+    assert heading_deg(board) == pytest.approx(np.full(2, math.degrees(heading)), abs=1e-6)
+    assert side_up_deg(board) == pytest.approx(np.zeros(2), abs=1e-6)
+
+
+@given(st.floats(-1.5, 1.5))
+def test_roll_of_a_level_body_is_its_sides_angle(roll):
+    q = np.array([[math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0]])
+    assert side_up_deg(q)[0] == pytest.approx(math.degrees(roll), abs=1e-6)
