@@ -11,6 +11,7 @@ from hil.assembly.rig import VehicleSlot
 from hil.wires import WireError
 from hil.wires.firmware import Firmware
 from hil.wires.simulator import PORT, SimulatorPort, SimulatorServer, check_simulator
+from vehicle.px4.event_texts import EventTexts, load_events
 from vehicle.px4.hitl.parameters import firmware_parameters
 from vehicle.quadrotor.airframe import load_airframe
 
@@ -24,6 +25,16 @@ _LARGEST = 9  # PX4 shares ports between instances above
 def build_folder(slot: VehicleSlot) -> str:
     """PX4's build folder, of the rig or the environment; empty if the user starts the firmware."""
     return slot.px4 or os.environ.get(BUILD, "")
+
+
+def firmware_events(slot: VehicleSlot) -> EventTexts | None:
+    """What the EVENTs of the firmware in the build folder say; None without a folder or a description in it."""
+    if slot.kind != "hitl" or not build_folder(slot):
+        return None
+    try:
+        return load_events(Path(build_folder(slot)).expanduser() / "etc/extras/all_events.json.xz")
+    except (OSError, ValueError):
+        return None
 
 
 def free_instance(slot: VehicleSlot) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from hil.assembly.hitl import firmware_events
 from hil.assembly.parts import Parts
 from hil.nodes.vehicle import VehicleLink
 from hil.nodes.vehicle_device import VehicleDevice
@@ -79,7 +80,7 @@ def _px4_driver(parts: Parts) -> Px4Link:
     config = LinkConfig(
         start=parts.hover_start, hover_thrust=parts.frame.hover_thrust, steepest=min(parts.steepest, math.pi / 2),
         hover_position=slot.hover_position, hover_speed=slot.hover_speed, hover_turning=slot.hover_turning,
-        external_vision=slot.external_pose,
+        external_vision=slot.external_pose, events=firmware_events(slot),
     )  # fmt: skip
     link = parts.wires.vehicle_link()
     if slot.kind != "sim":

@@ -32,7 +32,7 @@ class Autopilot:
         self._config, self._answer_timesync = config, answer_timesync
         self.clock = ClockOffset(config.clock_drift, config.fixed_offset_ns)
         self.time = LinkTime()
-        self.texts = Texts()
+        self.texts = Texts(config.events)
         self.parameters = ParameterCheck(config)
         self.heartbeat_ns: int | None = None  # our clock
         self.mode = 0  # custom_mode
@@ -59,6 +59,7 @@ class Autopilot:
             "ATTITUDE_TARGET": self._attitude_target,
             "COMMAND_ACK": self._command_ack,
             "STATUSTEXT": self.texts.receive,
+            "EVENT": self.texts.event,
             "ODOMETRY": self._odometry,
             "AUTOPILOT_VERSION": self._version,
         }

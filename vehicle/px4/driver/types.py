@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from vehicle.px4.event_texts import EventTexts
+
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
@@ -112,6 +114,7 @@ class LinkConfig:
     fixed_offset_ns: int | None = None
     clock_drift: float = 1e-4
     signing: Signing | None = None
+    events: EventTexts | None = None  # what the firmware's EVENTs say
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, (*self.start, *self.origin))):

@@ -19,6 +19,7 @@ from vehicle.px4.driver.params import INT32, REAL32, judge, pack_value, unpack_v
 from vehicle.px4.driver.signing import Signer
 from vehicle.px4.driver.texts import Texts
 from vehicle.px4.driver.types import LinkConfig, Odometry, Signing
+from vehicle.px4.event_texts import EventTexts
 
 MS, SECOND = 1_000_000, 1_000_000_000
 CONFIG = LinkConfig(start=START, hover_thrust=0.44)
@@ -124,6 +125,40 @@ def test_chunks_without_a_beginning_are_dropped():
     texts = Texts()
     texts.receive(SimpleNamespace(id=4, severity=2, chunk_seq=1, text="t\t"), 0)
     assert taken(texts) == []
+
+
+@pytest.fixture
+def texts_and_events():
+    """Texts that read EVENTs: 5 a plain one, 6 an error of the checks before arming, 7 the begin of such a report."""
+    group = {"message": "No estimate", "name": "x"}
+    begin = {"message": "summary", "name": "commander_arming_check_summary"}
+    groups = {
+        "default": {"events": {"5": {"message": "Takeoff detected", "name": "takeoff"}}},
+        "arming_check": {"events": {"6": group, "7": begin}},
+    }
+    return Texts(EventTexts({"components": {"1": {"namespace": "px4", "event_groups": groups}}}))
+
+
+def event(texts, number, level):
+    texts.event(SimpleNamespace(id=1 << 24 | number, log_levels=0xF0 | level, arguments=(0,) * 40), 0)
+
+
+def test_events_are_texts_and_their_copies_are_left_out(texts_and_events):
+    event(texts_and_events, 5, 6)
+    event(texts_and_events, 5, 8)  # meant for no reader
+    event(texts_and_events, 99, 2)
+    send_text(texts_and_events, "Takeoff detected\t", 6)
+    send_text(texts_and_events, "of its own", 4)
+    assert taken(texts_and_events) == [("info", "autopilot: Takeoff detected"), ("warning", "autopilot: of its own")]
+
+
+def test_errors_of_the_newest_checks_before_arming_are_quoted(texts_and_events):
+    for number, level in ((7, 8), (6, 3), (6, 3), (6, 6)):
+        event(texts_and_events, number, level)
+    assert texts_and_events.quote() == "; the autopilot reports: No estimate"
+    assert taken(texts_and_events) == []
+    event(texts_and_events, 7, 8)
+    assert texts_and_events.quote() == ""
 
 
 def test_texts_have_their_severity_and_errors_are_quoted():
