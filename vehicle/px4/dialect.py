@@ -14,7 +14,7 @@ from typing import Any
 
 from vehicle.px4.protocol import mavlink
 
-_LETTERS = {"char": "s", "uint8_t": "B", "int8_t": "b", "uint16_t": "H", "int16_t": "h", "uint32_t": "I"} | {
+LETTERS = {"char": "s", "uint8_t": "B", "int8_t": "b", "uint16_t": "H", "int16_t": "h", "uint32_t": "I"} | {
     "int32_t": "i",
     "float": "f",
     "uint64_t": "Q",
@@ -35,7 +35,7 @@ class MessageType:
         parts = []
         for i in self._wire:
             _, kind, length = fields[i]
-            parts.append(f"{length or 1}s" if kind == "char" else f"{length or ''}{_LETTERS[kind]}")
+            parts.append(f"{length or 1}s" if kind == "char" else f"{length or ''}{LETTERS[kind]}")
         self._struct = struct.Struct("<" + "".join(parts))
         self.size = self._struct.size
         self._arrays = [(i, fields[i][2]) for i in self._wire if fields[i][2] and fields[i][1] != "char"]

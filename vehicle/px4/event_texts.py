@@ -14,10 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-_CODES = {
-    "uint8_t": "B", "int8_t": "b", "uint16_t": "H", "int16_t": "h", "uint32_t": "I", "int32_t": "i", "uint64_t": "Q",
-    "int64_t": "q", "float": "f",
-}  # fmt: skip
+from vehicle.px4.dialect import LETTERS
+
 _FIELD = re.compile(r"\{(\d+)(:\.\d+)?([^}]*)\}")
 _TAG = re.compile(r"</?\w[^>]*>")
 
@@ -65,8 +63,8 @@ class EventTexts:
         at = 0
         for argument in described:
             kind = argument["type"]
-            enum = self._enums[kind if "::" in kind else f"{space}::{kind}"] if kind not in _CODES else None
-            code = "<" + _CODES[kind if enum is None else enum["type"]]
+            enum = self._enums[kind if "::" in kind else f"{space}::{kind}"] if kind not in LETTERS else None
+            code = "<" + LETTERS[kind if enum is None else enum["type"]]
             (value,) = struct.unpack_from(code, arguments, at)
             at += struct.calcsize(code)
             entry = {} if enum is None else enum.get("entries", {}).get(str(value), {})
