@@ -48,7 +48,8 @@ def test_every_scenario_flies_and_leaves_a_complete_run(name, tmp_path):
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code in (0, 1), result.output
     row = json.loads(result.stdout)
-    assert (row["scenario"], row["camera"]) == (name, "model")
+    rig = load_rig(load(name).rig)
+    assert (row["scenario"], row["camera"]) == (name, "model" if rig.policy.knows == "camera" else "mocap")
     assert row["within_tolerance"] == (result.exit_code == 0)
     (run,) = list_runs(tmp_path)
     assert str(run.path) == row["run_dir"]
@@ -63,7 +64,6 @@ def test_every_scenario_flies_and_leaves_a_complete_run(name, tmp_path):
     assert metrics["inclination_deg"] == load(name).board.inclination_deg
     assert metrics["duration"] > 0.5
     assert metrics["commands"] > 50
-    rig = load_rig(load(name).rig)
     of_camera = [value for name, value in metrics.items() if name.startswith("perception_")]
     assert all(value > 0.0 for value in of_camera) if rig.policy.knows == "camera" else of_camera == [None] * 3
     made_contact = score["outcome"] == "success"
