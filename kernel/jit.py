@@ -27,7 +27,7 @@ from typing import Any
 import numba
 from numba.core import bytecode, caching
 
-__all__ = ["CACHE_DIR", "cache_is_cold", "njit", "prange"]
+__all__ = ["CACHE_DIR", "is_compiled", "keeps_compiled", "njit", "prange"]
 
 CACHE_DIR = Path(
     os.environ.get("PERCH_KERNEL_CACHE", Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "perch-hil")
@@ -76,9 +76,16 @@ def _folder() -> Path:
         return folder
 
 
-def cache_is_cold() -> bool:
-    """True while no kernel has ever been compiled here: the first run takes a minute longer and should say so."""
-    return not any(CACHE_DIR.glob("**/*.nbc"))
+def is_compiled(kernel: Any) -> bool:
+    """Whether nothing has to be compiled for `kernel`, made by `njit`: machine code of its present source is on disk, or
+    Numba is switched off."""
+    stats = getattr(kernel, "stats", None)
+    return stats is None or any(Path(stats.cache_path).glob(f"*.{kernel.__name__}-*.nbc"))
+
+
+def keeps_compiled() -> bool:
+    """Whether what one process compiles is there for the next."""
+    return _folder() == CACHE_DIR
 
 
 def _reached(module: ModuleType, seen: dict[str, ModuleType]) -> dict[str, ModuleType]:

@@ -83,6 +83,8 @@ def fly(
     Exit code: 0 all flown, requirements met, 1 a requirement is not met or a flight with a fault was unsafe, 2 usage or
     configuration, 3 some could not be flown, 4 undecided at this number of flights, 130 interrupted.
     """
+    from rich.console import Console
+
     from hil.assembly.rig import chosen_rig, load_rig
     from hil.campaign.draw import read_list
     from hil.campaign.flying import Flying
@@ -91,6 +93,7 @@ def fly(
     from hil.campaign.workers.work import ClusterError, WorkersError
     from hil.recording.provenance import ProvenanceError, code
     from hil.recording.runs import RunError
+    from hil.cli.run import compile_first
     from hil.report.conclusion import Conclusion, conclude
     from kernel.toml_errors import ConfigError, load_toml
     from policies.flying.contract import ContractError
@@ -122,6 +125,9 @@ def fly(
     found: Conclusion | None = None
     try:
         todo = left_to_do(grid, wanted)
+        if cluster is None:
+            first = {job.policy: job.scenario for job in todo}
+            compile_first(Console(stderr=True), [(first[one], rig, one, camera) for one in first])
         failures = _fly(Flying.of(grid, todo, code()), todo, len(wanted), cluster, jobs) if todo else 0
     except KeyboardInterrupt:
         interrupted = True
@@ -167,13 +173,10 @@ def _fly(flying: Flying, todo: list[Job], total: int, cluster: str | None, jobs:
     )
 
     from hil.campaign.workers.opening import open_workers
-    from kernel.jit import cache_is_cold
 
     notes, failures = Console(stderr=True), 0
     if len(todo) < total:
         notes.print(f"{total - len(todo)} of {total} flights are in {flying.out} already")
-    if cluster is None and cache_is_cold():
-        notes.print("First run on this machine: compiling kernels takes a minute or two, once.", style="yellow")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     progress = Progress(*columns, TimeRemainingColumn(), console=notes, transient=True)
     with open_workers(cluster, jobs) as workers, progress as bar:

@@ -111,12 +111,10 @@ def fly_request(request: Request, plan: Plan, seeds: Sequence[int], as_json: boo
     from hil.recording.runs import RunError
     from hil.viewer.view import ViewerError
     from hil.wires import WireError
-    from kernel.jit import cache_is_cold
 
     notes = Console(stderr=True)
-    if cache_is_cold():
-        notes.print("First run on this machine: compiling kernels takes a minute or two, once.", style="yellow")
     try:
+        compile_first(notes, [(request.scenario, request.rig, request.policy, request.camera)])
         flown = _fly_with_progress(request, plan, seeds, as_json, notes)
     except ViewerError as error:
         raise fail(str(error), error.code) from None
@@ -125,6 +123,19 @@ def fly_request(request: Request, plan: Plan, seeds: Sequence[int], as_json: boo
     if len(seeds) > 1 and not as_json:
         screen().print(seeds_table(plan.scenario, [one.flight.score for one in flown]))
     return _exit_code(flown) if len(flown) == len(seeds) else INTERRUPTED
+
+
+def compile_first(notes: Console, runs: Sequence[tuple[str, str | None, str | None, str | None]]) -> None:
+    """On the first run compile the kernels of `runs` (scenario, rig, policy, camera) on all cores, and say so."""
+    from hil.host.first_run import Wanted, compile_kernels, is_first_run
+
+    if not is_first_run():
+        return
+    try:
+        with notes.status("first run of this version here: compiling kernels, half a minute on two cores, once"):
+            compile_kernels([Wanted(*run) for run in runs])
+    except KeyboardInterrupt:
+        raise fail("interrupted; what has been compiled is kept", INTERRUPTED) from None
 
 
 def _fly_with_progress(

@@ -22,7 +22,7 @@ from hil.live.process import PARENT, die_with_parent
 from hil.live.run_clock import RunTime
 from hil.live.service import LiveService
 from hil.live.spec import LiveSpec, run_digests
-from hil.live.warm_up import warm_up
+from hil.host.warm_up import warm_up
 from hil.live.wires import LiveWires
 from hil.recording.provenance import ProvenanceError
 from hil.recording.receipts import ReceiptBook

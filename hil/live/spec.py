@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.assembly.node_table import service_nodes
 from hil.assembly.plan import Plan
-from hil.assembly.rig import Calibration, Rig
+from hil.assembly.rig import Rig
 from hil.bus.leaf import Credentials, credentials_in
 from hil.live.wires import Ports
 from hil.recording.provenance import code_digests, content_sha256
@@ -97,24 +97,3 @@ def disagreement(service: str, theirs: Mapping[str, str], ours: Mapping[str, str
     copy = "copy this run's file there" + (" and name it by --policy" if name == POLICY else "")
     mend = "install the same version there" if name == "code" else copy
     return f"{service} has another {name} on its host ({there}) than this run ({here}): {mend}"
-
-
-def simulated_twin(rig: Rig) -> Rig:
-    """The same rig with every device simulated: warming up must not reach a real device."""
-    kind = "crazyflie-sim" if rig.vehicle.kind.startswith("crazyflie") else "sim"
-    update = {
-        "vehicle": rig.vehicle.model_copy(
-            update={
-                "kind": kind,
-                "url": "",
-                "simulator": "",
-                "px4": "",
-                "powered": False,
-            }
-        ),
-        "groundcar": rig.groundcar.model_copy(update={"kind": "sim"}),
-        # a lens may see too wide to be drawn: the twin has the ideal camera
-        "camera": rig.camera.model_copy(update={"kind": "sim", "device": "", "calibration": Calibration()}),
-        "mocap": rig.mocap.model_copy(update={"kind": "sim"}),
-    }
-    return rig.model_copy(update=update)

@@ -8,7 +8,6 @@ import textwrap
 
 import pytest
 
-from kernel.jit import CACHE_DIR, cache_is_cold
 from tests.paths import ROOT
 
 CALLER = "from kernel.jit import njit\nfrom vehicle.helper import gain\n\n@njit\ndef caller(x):\n    return gain(x)\n"
@@ -156,10 +155,18 @@ def test_two_checkouts_with_the_same_code_share_their_kernels(package, tmp_path_
     assert subprocess.check_output([sys.executable, "-c", code], cwd=other, env=environment, text=True).strip() == "1"
 
 
-def test_cold_is_true_without_a_compiled_kernel(tmp_path, monkeypatch):
-    monkeypatch.setattr("kernel.jit.CACHE_DIR", tmp_path)
-    assert cache_is_cold()
-    (tmp_path / "abc").mkdir()
-    (tmp_path / "abc" / "f.nbc").write_bytes(b"")
-    assert not cache_is_cold()
-    assert CACHE_DIR.is_absolute()
+def test_kernel_is_compiled_if_its_present_source_is(package):
+    helper, _ = package
+    code = "from kernel.jit import is_compiled; from vehicle.caller import caller; print(is_compiled(caller)); caller(1.0)"
+
+    def compiled(**more):
+        environment = {
+            **os.environ, "PERCH_KERNEL_CACHE": str(helper.parents[1] / "cache"), "PYTHONPATH": "", **more,
+        }  # fmt: skip
+        command = [sys.executable, "-c", code]
+        return subprocess.check_output(command, cwd=helper.parents[1], env=environment, text=True).strip()
+
+    helper.write_text(HELPER.format(2.0))
+    assert (compiled(), compiled()) == ("False", "True")
+    helper.write_text(HELPER.format(3.0))
+    assert (compiled(NUMBA_DISABLE_JIT="1"), compiled(), compiled()) == ("True", "False", "True")

@@ -14,7 +14,7 @@ from hil.assembly.sensing import mounted_cameras
 from hil.assembly.simulation import build
 from hil.contract.wire import CanFrame
 from hil.live.reach import reach
-from hil.live.spec import simulated_twin
+from hil.assembly.twin import simulated_twin
 from hil.viewer.view import free_port
 from hil.wires import WireError
 from hil.wires.can import open_can

@@ -17,7 +17,7 @@ from hil.assembly.simulation import MemoryWires
 from hil.contract import messages as m
 from hil.contract.node import Inbox, Node
 from hil.host.lockstep import Clock
-from hil.live.spec import simulated_twin
+from hil.assembly.twin import simulated_twin
 from scenarios.draw import Drawn
 
 _STEP_NS = 10_000_000

@@ -1,0 +1,84 @@
+"""The first run on a machine: which process compiles what, and that the run that follows has nothing left to compile."""
+
+import json
+import os
+import subprocess
+import sys
+from itertools import chain
+
+import pytest
+
+from hil.assembly.node_table import NODES, node_names
+from hil.assembly.rig import list_rigs, load_rig
+from hil.host import first_run
+from hil.host.first_run import Wanted, compile_kernels
+from tests.paths import ROOT
+
+MOCAP = Wanted("crazyflie-wall", "crazyflie-sim", "planner", None)
+
+
+def shares(rig):
+    scenario = "crazyflie-wall" if load_rig(rig).policy.knows == "mocap" else "hard-i"
+    return first_run._shares(Wanted(scenario, rig, "planner", None))
+
+
+@pytest.mark.parametrize("rig", list_rigs())
+def test_every_node_is_in_one_share_or_is_a_device_stepped_with_its_driver(rig):
+    found = list(chain(*shares(rig)))
+    missing = set(node_names(load_rig(rig))) - set(found)
+    assert len(found) == len(set(found))
+    drivers = {NODES[name].drives for name in found}
+    assert all(NODES[name].simulates in drivers for name in missing)
+
+
+def test_the_longest_share_is_begun_first():
+    assert shares("sim")[:2] == [("vehicle_link",), ("belief", "policy")]
+
+
+def test_shares_are_done_once_each_whatever_the_number_of_processes(monkeypatch):
+    done = []
+    monkeypatch.setattr(first_run, "warm_up", lambda plan, drawn, names: done.append(names))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})  # no helper: it would have the real `warm_up`
+    compile_kernels([MOCAP])
+    assert done == shares("crazyflie-sim")
+
+
+COUNT = """
+import json, sys
+from numba.core import event
+from hil.host.first_run import Wanted, compile_kernels, is_first_run
+
+class Compiled(event.Listener):
+    names = []
+    def on_start(self, it):
+        dispatcher = it.data["dispatcher"]
+        self.names.append(f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__name__}")
+    def on_end(self, it): pass
+
+def main():
+    before = is_first_run()
+    compile_kernels([Wanted("crazyflie-wall", "crazyflie-sim", "planner", None)])
+    event.register("numba:compile", Compiled())
+    from hil.cli.main import main as perch_hil
+    sys.argv = ["perch-hil", "run", "crazyflie-wall", "--policy", "planner", "--out", sys.argv[1]]
+    try:
+        perch_hil()
+    finally:
+        print("\\n" + json.dumps([before, is_first_run(), Compiled.names]))
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+def test_the_flight_after_it_compiles_hardly_anything(tmp_path):
+    script = tmp_path / "count.py"
+    script.write_text(COUNT)
+    environment = {**os.environ, "PERCH_KERNEL_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    finished = subprocess.run(
+        [sys.executable, script, tmp_path / "runs"], env=environment, capture_output=True, text=True, check=False
+    )
+    assert finished.returncode in (0, 1), finished.stderr
+    before, after, compiled = json.loads(finished.stdout.splitlines()[-1])
+    assert before and not after
+    assert len(compiled) < 20  # of some 200: what ends a flight and closes its recording
