@@ -77,8 +77,7 @@ def _folder() -> Path:
 
 
 def is_compiled(kernel: Any) -> bool:
-    """Whether nothing has to be compiled for `kernel`, made by `njit`: machine code of its present source is on disk, or
-    Numba is switched off."""
+    """Whether machine code of `kernel`, made by `njit`, is on disk for its present source; also if Numba is off."""
     stats = getattr(kernel, "stats", None)
     return stats is None or any(Path(stats.cache_path).glob(f"*.{kernel.__name__}-*.nbc"))
 

@@ -5,7 +5,7 @@ It never arms, and changes nothing on an armed vehicle. The driver's own link is
 
 from __future__ import annotations
 
-import threading
+import glob
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,10 +15,12 @@ import mavsdk
 from mavsdk.plugins.action import Action, ActionError
 from mavsdk.plugins.events import Events, EventsError
 from mavsdk.plugins.log_files import LogFiles, LogFilesError, LogFilesResult
+from mavsdk.plugins.mavlink_direct import MavlinkDirectError
 from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.plugins.telemetry import Telemetry
 
 from hil.bench.ground_health import CHECKS, Health, Problem
+from hil.bench.log_transfer import LogTransfer
 from hil.bench.reading import Unavailable
 from hil.wires import WireError
 from hil.wires.url import check_url
@@ -58,7 +60,7 @@ class GroundStation:
         except WireError as error:
             raise Unavailable(str(error)) from None
         mavsdk.log_subscribe(lambda *_: True)  # it prints on stdout otherwise
-        self._url, self._entries = url, {}
+        self._url = url
         component = mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
         self._client = mavsdk.Mavsdk(component)
         self._texts: list[str] = []
@@ -68,7 +70,7 @@ class GroundStation:
                 why = "is in use: QGroundControl or another program listens there" if result == _IN_USE else result.name
                 raise Unavailable(f"{url}: {why}")
             found = self._find(system, wait_s)
-            self._system, self._telemetry, self._action = found, Telemetry(found), Action(found)
+            self._found, self._telemetry, self._action = found, Telemetry(found), Action(found)
             self._events, self._param, self._logs = Events(found), Param(found), LogFiles(found)
             self._telemetry.subscribe_status_text(lambda text, _: self._texts.append(text.text.strip()))
         except BaseException:
@@ -193,47 +195,27 @@ class GroundStation:
             if error.result == LogFilesResult.NO_LOGFILES:
                 return []
             raise Unavailable(f"{self._url}: the list of its logs did not come ({_words(error.result)})") from None
-        self._entries = {int(entry.id): entry for entry in entries}
-        return sorted(LogEntry(number, str(e.date), int(e.size_bytes)) for number, e in self._entries.items())
+        return sorted(LogEntry(int(one.id), str(one.date), int(one.size_bytes)) for one in entries)
 
     def download(self, log: LogEntry, path: Path, progress: Callable[[float], None] = lambda _: None) -> None:
-        """Write a log of `logs` to `path`, which appears when it is whole; `progress` is told the share that has come.
+        """Write a log of the latest `logs` to `path`, which appears when it is whole.
 
-        Raises Unavailable if it does not come whole, OSError if it cannot be written. What `progress` raises ends it.
+        `progress` is told the share that has come. What an earlier call left of the same log beside `path` is not fetched again. Raises Unavailable if the log does
+        not come whole, OSError if it cannot be written. What `progress` raises ends it.
         """
-        part = path.with_name(f".{path.name}.part")
-        part.unlink(missing_ok=True)
-        ended, state = threading.Event(), _Progress()
-
-        def came(result: LogFilesResult, data: Any, _: object) -> None:
-            state.share, state.since_s = float(data.progress), time.monotonic()
-            if result != LogFilesResult.NEXT:
-                state.result = result
-                ended.set()
-
+        utc = "".join(filter(str.isalnum, log.utc))
+        part = path.with_name(f".{path.name}.{log.id}-{log.size}-{utc}.part")
+        for other in set(path.parent.glob(f".{glob.escape(path.name)}.*.part")) - {part}:
+            other.unlink()
         try:
-            self._logs.download_log_file_async(self._entries[log.id], str(part), came)
-            while not ended.wait(_PAUSE_S):
-                progress(state.share)
-                if time.monotonic() - state.since_s > _STALLED_S:
-                    raise Unavailable(
-                        f"log {log.id} stopped at {100 * state.share:.0f} %: nothing came for {_STALLED_S:g} s"
-                    )
-            if state.result != LogFilesResult.SUCCESS or part.stat().st_size != log.size:
-                raise Unavailable(f"log {log.id} did not come whole ({_words(state.result)})")
-            progress(1.0)
-            part.replace(path)
+            with LogTransfer(self._found) as transfer:
+                transfer.fetch(log.id, log.size, part, _STALLED_S, progress)
+        except MavlinkDirectError as error:
+            raise Unavailable(f"log {log.id}: {_words(error.result)}") from None
         finally:
-            if not ended.is_set():
-                self._logs.cancel_download_log_file()
-            part.unlink(missing_ok=True)
-
-
-class _Progress:
-    """What MAVSDK's thread tells of a download."""
-
-    def __init__(self) -> None:
-        self.share, self.since_s, self.result = 0.0, time.monotonic(), LogFilesResult.UNKNOWN
+            if log.size and part.exists() and not part.stat().st_size:
+                part.unlink()
+        part.replace(path)
 
 
 def _problem(one: Any) -> Problem:

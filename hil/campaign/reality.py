@@ -11,11 +11,11 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from hil.assembly.rig import Rig
+from hil.assembly.twin import simulated_twin
 from hil.campaign.playback import Playback
 from hil.campaign.quantities import Attempt, Quantity, quantities
 from hil.campaign.refly import scenario_again
 from hil.host.flight import fly
-from hil.assembly.twin import simulated_twin
 from hil.recording.provenance import Code
 from hil.recording.reader import ReadError, Recording
 from hil.recording.runs import Run

@@ -91,9 +91,9 @@ def fly(
     from hil.campaign.grid import Grid, check, left_to_do
     from hil.campaign.require import MET, NOT_MET, read
     from hil.campaign.workers.work import ClusterError, WorkersError
+    from hil.cli.run import compile_first
     from hil.recording.provenance import ProvenanceError, code
     from hil.recording.runs import RunError
-    from hil.cli.run import compile_first
     from hil.report.conclusion import Conclusion, conclude
     from kernel.toml_errors import ConfigError, load_toml
     from policies.flying.contract import ContractError

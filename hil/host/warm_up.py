@@ -14,10 +14,10 @@ from hil.assembly.builder import Assembly
 from hil.assembly.node_table import NODES
 from hil.assembly.plan import Plan
 from hil.assembly.simulation import MemoryWires
+from hil.assembly.twin import simulated_twin
 from hil.contract import messages as m
 from hil.contract.node import Inbox, Node
 from hil.host.lockstep import Clock
-from hil.assembly.twin import simulated_twin
 from scenarios.draw import Drawn
 
 _STEP_NS = 10_000_000

@@ -15,6 +15,7 @@ from hil.assembly.builder import Assembly
 from hil.assembly.node_table import SERVICES
 from hil.bus.clock import DateWatch
 from hil.bus.leaf import Bus, BusError
+from hil.host.warm_up import warm_up
 from hil.live.liveness import Presence
 from hil.live.messages.log import log_line
 from hil.live.priority import StepPriority, take_priority
@@ -22,7 +23,6 @@ from hil.live.process import PARENT, die_with_parent
 from hil.live.run_clock import RunTime
 from hil.live.service import LiveService
 from hil.live.spec import LiveSpec, run_digests
-from hil.host.warm_up import warm_up
 from hil.live.wires import LiveWires
 from hil.recording.provenance import ProvenanceError
 from hil.recording.receipts import ReceiptBook

@@ -7,9 +7,9 @@ import pytest
 
 from hil.assembly.builder import Assembly
 from hil.assembly.rig import Rig, VehicleSlot
+from hil.assembly.twin import simulated_twin
 from hil.contract.node import Inbox
 from hil.contract.wire import memory_pair
-from hil.assembly.twin import simulated_twin
 from hil.recording.provenance import code
 from hil.recording.runs import new_run, policy_identity
 from scenarios.draw import draw

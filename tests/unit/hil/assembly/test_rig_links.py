@@ -12,9 +12,9 @@ from hil.assembly.node_table import NODES, service_nodes
 from hil.assembly.rig import Calibration, CameraSlot, Rig, list_rigs, load_rig
 from hil.assembly.sensing import mounted_cameras
 from hil.assembly.simulation import build
+from hil.assembly.twin import simulated_twin
 from hil.contract.wire import CanFrame
 from hil.live.reach import reach
-from hil.assembly.twin import simulated_twin
 from hil.viewer.view import free_port
 from hil.wires import WireError
 from hil.wires.can import open_can

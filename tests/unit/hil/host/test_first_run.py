@@ -1,4 +1,4 @@
-"""The first run on a machine: which process compiles what, and that the run that follows has nothing left to compile."""
+"""The first run on a machine: which process compiles what, and what is left for the flight that follows."""
 
 import json
 import os
