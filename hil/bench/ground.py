@@ -200,8 +200,9 @@ class GroundStation:
     def download(self, log: LogEntry, path: Path, progress: Callable[[float], None] = lambda _: None) -> None:
         """Write a log of the latest `logs` to `path`, which appears when it is whole.
 
-        `progress` is told the share that has come. What an earlier call left of the same log beside `path` is not fetched again. Raises Unavailable if the log does
-        not come whole, OSError if it cannot be written. What `progress` raises ends it.
+        `progress` is told the share that has come. What an earlier call left of the same log beside `path` is not
+        fetched again. Raises Unavailable if the log does not come whole, OSError if it cannot be written. What
+        `progress` raises ends it.
         """
         utc = "".join(filter(str.isalnum, log.utc))
         part = path.with_name(f".{path.name}.{log.id}-{log.size}-{utc}.part")

@@ -157,7 +157,7 @@ def test_two_checkouts_with_the_same_code_share_their_kernels(package, tmp_path_
 
 def test_kernel_is_compiled_if_its_present_source_is(package):
     helper, _ = package
-    code = "from kernel.jit import is_compiled as there; from vehicle.caller import caller; print(there(caller)); caller(1.0)"
+    code = "import kernel.jit; from vehicle.caller import caller; print(kernel.jit.is_compiled(caller)); caller(1.0)"
 
     def compiled(**more):
         environment = {
