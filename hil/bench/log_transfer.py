@@ -18,7 +18,10 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from hil.bench.reading import Unavailable
 
 _BLOCK = 90  # bytes of a LOG_DATA
-_CHUNK = 512 * _BLOCK  # asked for at once, and written when it is whole
+# Asked for at once, and written when it is whole. By UDP PX4 sends all of it in one burst, and the kernel's default
+# buffer of a socket holds 107 such datagrams.
+_CHUNK = 96 * _BLOCK
+_BRIDGE = 10 * _BLOCK  # sending this much twice takes no longer than asking once more
 _QUIET_S = 0.5  # without a block, after which the missing ones are asked for again
 _AUTOPILOT = 1  # its component id
 
@@ -58,9 +61,12 @@ class LogTransfer:
         end, found = begin + count, {}
         missing, since_s = set(range(begin, end, _BLOCK)), time.monotonic()
         while missing:
-            first = last = min(missing)
-            while last + _BLOCK in missing:
-                last += _BLOCK
+            first, *others = sorted(missing)
+            last = first
+            for at in others:
+                if at - last > _BRIDGE:
+                    break
+                last = at
             self._send("LOG_REQUEST_DATA", id=log, ofs=first, count=min(last + _BLOCK, end) - first)
             for at, data in self._blocks(log, last):
                 if at in missing and len(data) == min(_BLOCK, end - at):

@@ -34,7 +34,7 @@ def test_log_of_several_chunks_with_lost_blocks_comes_whole(asked, with_logs, tm
     assert (tmp_path / "whole.ulg").read_bytes() == LOGS[2]
     assert shares == sorted(shares) and shares[-1] == 1.0
     again = [(at, count) for at, count in asked if at % CHUNK]
-    assert again and all(count == BLOCK and at // BLOCK % 7 == 3 for at, count in again)
+    assert (270, BLOCK) in again and (900, 8 * BLOCK) in asked  # one block lost of the first chunk, of the second two
 
 
 def test_interrupted_transfer_goes_on_where_it_stopped(asked, with_logs, tmp_path):
