@@ -131,8 +131,9 @@ def compile_first(notes: Console, runs: Sequence[tuple[str, str | None, str | No
 
     if not is_first_run():
         return
+    notes.print("First run of this version here: compiling kernels takes a minute, once.", style="yellow")
     try:
-        with notes.status("first run of this version here: compiling kernels, half a minute on two cores, once"):
+        with notes.status("compiling"):
             compile_kernels([Wanted(*run) for run in runs])
     except KeyboardInterrupt:
         raise fail("interrupted; what has been compiled is kept", INTERRUPTED) from None
