@@ -6,7 +6,7 @@ from hil.assembly.rig import Calibration, Rig
 
 
 def simulated_twin(rig: Rig) -> Rig:
-    """The same rig with every device simulated."""
+    """The same rig with every device simulated: what only tries nodes out must not reach a real device."""
     kind = "crazyflie-sim" if rig.vehicle.kind.startswith("crazyflie") else "sim"
     update = {
         "vehicle": rig.vehicle.model_copy(

@@ -1,9 +1,11 @@
 """The first run on a machine: which process compiles what, and what is left for the flight that follows."""
 
 import json
+import multiprocessing
 import os
 import subprocess
 import sys
+import threading
 from itertools import chain
 
 import pytest
@@ -35,12 +37,28 @@ def test_the_longest_share_is_begun_first():
     assert shares("sim")[:2] == [("vehicle_link",), ("belief", "policy")]
 
 
-def test_shares_are_done_once_each_whatever_the_number_of_processes(monkeypatch):
-    done = []
-    monkeypatch.setattr(first_run, "warm_up", lambda plan, drawn, names: done.append(names))
+@pytest.fixture
+def done(monkeypatch):
+    """The shares that were compiled; nothing is."""
+    found = []
+    monkeypatch.setattr(first_run, "warm_up", lambda plan, drawn, names: found.append(names))
+    return found
+
+
+def test_one_core_does_every_share_in_order(done, monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})  # no helper: it would have the real `warm_up`
     compile_kernels([MOCAP])
     assert done == shares("crazyflie-sim")
+
+
+def test_several_workers_do_every_share_once(done):
+    wanted, taken = [(MOCAP, names) for names in shares("crazyflie-sim")], multiprocessing.Value("i", 0)
+    workers = [threading.Thread(target=first_run._work, args=(wanted, taken)) for _ in range(3)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert sorted(done) == sorted(shares("crazyflie-sim"))
 
 
 COUNT = """
