@@ -125,7 +125,7 @@ def fly(
     found: Conclusion | None = None
     try:
         todo = left_to_do(grid, wanted)
-        if cluster is None:
+        if todo and cluster is None:
             first = {job.policy: job.scenario for job in todo}
             compile_first(Console(stderr=True), [(first[one], rig, one, camera) for one in first])
         failures = _fly(Flying.of(grid, todo, code()), todo, len(wanted), cluster, jobs) if todo else 0

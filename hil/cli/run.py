@@ -131,7 +131,7 @@ def compile_first(notes: Console, runs: Sequence[tuple[str, str | None, str | No
 
     if not is_first_run():
         return
-    notes.print("First run of this version here: compiling kernels takes a minute, once.", style="yellow")
+    notes.print("First run of this version here: compiling kernels takes a minute or two, once.", style="yellow")
     try:
         with notes.status("compiling"):
             compile_kernels([Wanted(*run) for run in runs])

@@ -42,10 +42,12 @@ def compile_kernels(wanted: Sequence[Wanted]) -> None:
     context = multiprocessing.get_context("spawn")
     taken = context.Value("i", 0)
     count = min(len(os.sched_getaffinity(0)), len(shares)) - 1
-    helpers = [context.Process(target=_help, args=(shares, taken), daemon=True) for _ in range(count)]
+    helpers = [context.Process(target=_work, args=(shares, taken), daemon=True) for _ in range(count)]
     try:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited: Ctrl-C ends the run, which ends its helpers
         for helper in helpers:
             helper.start()
+        signal.signal(signal.SIGINT, before)
         _work(shares, taken)
         for helper in helpers:
             helper.join()
@@ -63,11 +65,6 @@ def _shares(wanted: Wanted) -> list[tuple[str, ...]]:
     services = service_nodes(_plan(wanted).rig)
     names = sorted(services, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
     return [services[name] for name in names if not all(NODES[node].simulates for node in services[name])]
-
-
-def _help(shares: list[tuple[Wanted, tuple[str, ...]]], taken: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the run, which ends this process
-    _work(shares, taken)
 
 
 def _work(shares: list[tuple[Wanted, tuple[str, ...]]], taken: Any) -> None:

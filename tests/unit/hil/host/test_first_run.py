@@ -3,15 +3,18 @@
 import json
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 from itertools import chain
 
 import pytest
 
 from hil.assembly.node_table import NODES, node_names
 from hil.assembly.rig import list_rigs, load_rig
+from hil.cli.options import INTERRUPTED
 from hil.host import first_run
 from hil.host.first_run import Wanted, compile_kernels
 from tests.paths import ROOT
@@ -100,3 +103,18 @@ def test_the_flight_after_it_compiles_hardly_anything(tmp_path):
     before, after, compiled = json.loads(finished.stdout.splitlines()[-1])
     assert before and not after
     assert len(compiled) < 20  # of some 200: what ends a flight and closes its recording
+
+
+def test_ctrl_c_while_compiling_ends_all_processes_without_a_traceback(tmp_path):
+    command = [sys.executable, "-c", "from hil.cli.main import main; main()"]
+    command += ["run", "crazyflie-wall", "--policy", "planner", "--out", str(tmp_path / "runs")]
+    environment = {**os.environ, "PERCH_KERNEL_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as process:
+        assert process.stdout is not None
+        assert "compiling" in process.stdout.readline()
+        time.sleep(1.0)  # the helpers are importing
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
+        said = process.stdout.read()  # ends when the last of them has
+    assert process.returncode == INTERRUPTED and "Traceback" not in said and "interrupted" in said
