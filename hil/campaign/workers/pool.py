@@ -33,9 +33,10 @@ class Pool:
         context = multiprocessing.get_context("spawn")
         count = min(self._processes, len(tasks))
         pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(os.getpid(), work))
-        before = signal.signal(signal.SIGINT, interrupt)
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited: a process that still imports has no handler
         try:
             waiting: list[Future[tuple[Answer] | None]] = [pool.submit(_do, task) for task in tasks]
+            signal.signal(signal.SIGINT, interrupt)
             for done in as_completed(waiting):
                 answer = done.result()
                 if answer is None or asked:

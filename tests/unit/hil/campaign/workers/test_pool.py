@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 from hil.campaign.workers import pool
 from hil.campaign.workers.pool import Pool
 from hil.campaign.workers.work import Place, WorkersError
+from tests.paths import ROOT
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,31 @@ def test_a_process_that_dies_ends_it_with_one_line(tmp_path):
 def test_an_interrupted_task_ends_it(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         list(Pool(1).each(Doing("is interrupted", tmp_path), range(3)))
+
+
+EARLY = """
+import os, signal, threading
+from pathlib import Path
+from hil.campaign.workers.pool import Pool
+from tests.unit.hil.campaign.workers.test_pool import Doing
+
+if __name__ == "__main__":
+    threading.Timer(0.3, lambda: os.killpg(0, signal.SIGINT)).start()  # as a terminal does: to all processes
+    try:
+        list(Pool(2).each(Doing("squares", Path()), range(5)))
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+def test_interrupt_while_the_processes_still_import_ends_it_without_a_traceback(tmp_path):
+    script = tmp_path / "early.py"
+    script.write_text(EARLY)
+    finished = subprocess.run(
+        [sys.executable, script], env={**os.environ, "PYTHONPATH": str(ROOT)}, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+    )  # fmt: skip
+    assert (finished.returncode, finished.stdout) == (0, "interrupted\n")
 
 
 @pytest.mark.parametrize(("raised", "expected"), [(None, (7,)), (KeyboardInterrupt(), None)])
