@@ -27,6 +27,8 @@ from typing import Any
 import numba
 from numba.core import bytecode, caching
 
+from kernel.interrupts import defer_interrupts
+
 __all__ = ["CACHE_DIR", "is_compiled", "keeps_compiled", "njit", "prange"]
 
 CACHE_DIR = Path(
@@ -165,3 +167,4 @@ class CacheFile:
 
 
 caching.CacheImpl._locator_classes.insert(0, CacheLocator)
+defer_interrupts()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from hil.assembly.node_table import NODES, service_nodes
 from hil.assembly.plan import Plan
 from hil.host.warm_up import warm_up
+from hil.live.process import interrupts_blocked
 from kernel.jit import is_compiled, keeps_compiled
 from policies.estimation.board_ekf import belief_update
 from scenarios.draw import draw
@@ -44,16 +44,16 @@ def compile_kernels(wanted: Sequence[Wanted]) -> None:
     count = min(len(os.sched_getaffinity(0)), len(shares)) - 1
     helpers = [context.Process(target=_work, args=(shares, taken), daemon=True) for _ in range(count)]
     try:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited: Ctrl-C ends the run, which ends its helpers
-        for helper in helpers:
-            helper.start()
-        signal.signal(signal.SIGINT, before)
+        with interrupts_blocked():  # Ctrl-C ends the run, which ends its helpers
+            for helper in helpers:
+                helper.start()
         _work(shares, taken)
         for helper in helpers:
             helper.join()
     finally:
         for helper in helpers:
-            helper.kill()
+            if helper.pid:  # it was started
+                helper.kill()
 
 
 def _plan(wanted: Wanted) -> Plan:

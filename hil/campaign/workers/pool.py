@@ -13,7 +13,7 @@ from typing import Any
 import numba
 
 from hil.campaign.workers.work import Answer, Place, Task, Work, WorkersError
-from hil.live.process import die_with_parent
+from hil.live.process import die_with_parent, interrupts_blocked
 
 
 class Pool:
@@ -33,10 +33,10 @@ class Pool:
         context = multiprocessing.get_context("spawn")
         count = min(self._processes, len(tasks))
         pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(os.getpid(), work))
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited: a process that still imports has no handler
+        before = signal.signal(signal.SIGINT, interrupt)
         try:
-            waiting: list[Future[tuple[Answer] | None]] = [pool.submit(_do, task) for task in tasks]
-            signal.signal(signal.SIGINT, interrupt)
+            with interrupts_blocked():  # until `_begin`
+                waiting: list[Future[tuple[Answer] | None]] = [pool.submit(_do, task) for task in tasks]
             for done in as_completed(waiting):
                 answer = done.result()
                 if answer is None or asked:
@@ -60,6 +60,7 @@ def _begin(campaign: int, work: Any) -> None:
         os._exit(1)  # killed already: the result would be read by no process
     numba.set_num_threads(1)  # the processes are the threads
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but for a task's duration
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     _work = work
 
 

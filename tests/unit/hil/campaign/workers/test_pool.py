@@ -48,13 +48,14 @@ def test_an_interrupted_task_ends_it(tmp_path):
 
 
 EARLY = """
-import os, signal, threading
+import os, signal, sys, threading
 from pathlib import Path
 from hil.campaign.workers.pool import Pool
 from tests.unit.hil.campaign.workers.test_pool import Doing
 
 if __name__ == "__main__":
-    threading.Timer(0.3, lambda: os.killpg(0, signal.SIGINT)).start()  # as a terminal does: to all processes
+    # as a terminal does: to all processes
+    threading.Timer(float(sys.argv[1]), lambda: os.killpg(0, signal.SIGINT)).start()
     try:
         list(Pool(2).each(Doing("squares", Path()), range(5)))
     except KeyboardInterrupt:
@@ -62,11 +63,12 @@ if __name__ == "__main__":
 """
 
 
-def test_interrupt_while_the_processes_still_import_ends_it_without_a_traceback(tmp_path):
+@pytest.mark.parametrize("delay_s", ["0.01", "0.05", "0.3"])
+def test_interrupt_while_the_processes_start_and_import_ends_it_without_a_traceback(tmp_path, delay_s):
     script = tmp_path / "early.py"
     script.write_text(EARLY)
     finished = subprocess.run(
-        [sys.executable, script], env={**os.environ, "PYTHONPATH": str(ROOT)}, start_new_session=True,
+        [sys.executable, script, delay_s], env={**os.environ, "PYTHONPATH": str(ROOT)}, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
     )  # fmt: skip
     assert (finished.returncode, finished.stdout) == (0, "interrupted\n")

@@ -1,0 +1,59 @@
+"""Ctrl-C while Numba compiles or loads a kernel: it comes between two compiler passes, or at the end of the work.
+
+LLVM calls back into Python there. An exception that a signal's handler raises in such a callback is printed and lost,
+or LLVM ends with an error of its own.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from numba.core import event
+
+_LOCK, _PASS = "numba:compiler_lock", "numba:run_pass"  # Numba's events: around all the work, around one pass of it
+
+
+class _Handler(event.Listener):
+    """SIGINT's handler while the main thread holds the compiler's lock; Python runs handlers in no other thread."""
+
+    def __init__(self) -> None:
+        self._depth, self._pending = 0, False
+        self._before: Any = None
+
+    def on_start(self, event: event.Event) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+        if event.kind == _PASS:
+            self._deliver()
+            return
+        if self._depth == 0:
+            self._before = signal.getsignal(signal.SIGINT)
+            if isinstance(self._before, Callable):  # type: ignore[arg-type]
+                signal.signal(signal.SIGINT, self._remember)
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        if threading.current_thread() is not threading.main_thread() or event.kind == _PASS:
+            return
+        self._depth -= 1
+        if self._depth == 0 and signal.getsignal(signal.SIGINT) == self._remember:
+            signal.signal(signal.SIGINT, self._before)
+            self._deliver()
+
+    def _remember(self, *_: object) -> None:
+        self._pending = True
+
+    def _deliver(self) -> None:
+        if self._pending:
+            self._pending = False
+            self._before(signal.SIGINT, None)
+
+
+def defer_interrupts() -> None:
+    """From now on, in this process."""
+    handler = _Handler()
+    for kind in (_LOCK, _PASS):
+        event.register(kind, handler)

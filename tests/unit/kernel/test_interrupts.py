@@ -1,0 +1,99 @@
+"""Ctrl-C while a kernel is compiled or loaded: it is delivered, and the kernel can be compiled afterwards."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+from numba.core import event
+
+from kernel.jit import njit
+from tests.paths import ROOT
+
+
+class SendInterrupt(event.Listener):
+    """Sends SIGINT at the first start of an event."""
+
+    def __init__(self):
+        self.sent = False
+
+    def on_start(self, event):
+        if not self.sent:
+            self.sent = True
+            signal.raise_signal(signal.SIGINT)
+
+    def on_end(self, event):
+        pass
+
+
+def fresh(scale):
+    """A kernel that nothing has compiled."""
+
+    @njit(cache=False)
+    def kernel(x):
+        return scale * x
+
+    return kernel
+
+
+IN_CALLBACK = """
+import signal
+from numba.core import codegen
+from kernel.jit import njit
+
+hook = codegen.JITCodeLibrary._object_compiled_hook
+
+def interrupted(cls, engine, buffer):
+    print("in callback")
+    signal.raise_signal(signal.SIGINT)
+    return hook(engine, buffer)
+
+codegen.JITCodeLibrary._object_compiled_hook = classmethod(interrupted)  # before LLVM's engine takes it
+
+@njit(cache=False)
+def kernel(x):
+    return 2.0 * x
+
+try:
+    kernel(1.0)
+except KeyboardInterrupt:
+    print("delivered")
+"""
+
+
+def test_interrupt_within_a_callback_of_llvm_is_delivered():
+    finished = subprocess.run(
+        [sys.executable, "-c", IN_CALLBACK], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert set(finished.stdout.splitlines()) == {"in callback", "delivered"} and not finished.stderr
+
+
+@pytest.mark.parametrize("kind", ["numba:compiler_lock", "numba:compile", "numba:run_pass", "numba:llvm_lock"])
+def test_interrupt_during_any_part_is_delivered_and_the_handler_is_restored(kind):
+    before = signal.getsignal(signal.SIGINT)
+    kernel = fresh(3.0)
+    with pytest.raises(KeyboardInterrupt), event.install_listener(kind, SendInterrupt()):
+        kernel(1.0)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert kernel(1.0) == 3.0
+
+
+def test_a_handler_that_returns_is_called_once_and_the_kernel_is_compiled():
+    asked = []
+    before = signal.signal(signal.SIGINT, lambda *_: asked.append(1))
+    try:
+        with event.install_listener("numba:compile", SendInterrupt()):
+            assert fresh(4.0)(1.0) == 4.0
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert asked == [1]
+
+
+def test_an_ignored_interrupt_stays_ignored():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with event.install_listener("numba:compile", SendInterrupt()):
+            assert fresh(5.0)(1.0) == 5.0
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
