@@ -1,14 +1,16 @@
-"""Ctrl-C while Numba compiles or loads a kernel: it comes between two compiler passes, or at the end of the work.
+"""Ctrl-C at a time when it would be lost: while Numba compiles or loads a kernel, and while processes are started.
 
-LLVM calls back into Python there. An exception that a signal's handler raises in such a callback is printed and lost,
-or LLVM ends with an error of its own.
+LLVM calls back into Python. An exception that a signal's handler raises in such a callback is printed and lost, or LLVM
+ends with an error of its own. So the signal is delivered between two compiler passes, or at the end of the work.
 """
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any
 
 from numba.core import event
@@ -53,7 +55,26 @@ class _Handler(event.Listener):
 
 
 def defer_interrupts() -> None:
-    """From now on, in this process."""
+    """From now on, in this process, while Numba works."""
     handler = _Handler()
     for kind in (_LOCK, _PASS):
         event.register(kind, handler)
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Processes started within begin with SIGINT blocked: it cannot end one that has no handler yet.
+
+    A SIGINT that comes meanwhile reaches this process afterwards.
+    """
+    resource_tracker.ensure_running()  # the first start of it would unblock them
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))  # another thread is not blocked
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)

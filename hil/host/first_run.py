@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from hil.assembly.node_table import NODES, service_nodes
 from hil.assembly.plan import Plan
 from hil.host.warm_up import warm_up
-from hil.live.process import interrupts_blocked
+from kernel.interrupts import interrupts_blocked
 from kernel.jit import is_compiled, keeps_compiled
 from policies.estimation.board_ekf import belief_update
 from scenarios.draw import draw

@@ -10,9 +10,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from multiprocessing import resource_tracker
+from collections.abc import Callable
 from pathlib import Path
 
 _PR_SET_PDEATHSIG = 1
@@ -37,25 +35,6 @@ def die_with_parent(parent: int) -> bool:
     """
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     return os.getppid() == parent
-
-
-@contextmanager
-def interrupts_blocked() -> Iterator[None]:
-    """Processes started within begin with SIGINT blocked: it cannot end one that has no handler yet.
-
-    A SIGINT that comes meanwhile reaches this process afterwards.
-    """
-    resource_tracker.ensure_running()  # the first start of it would unblock them
-    came: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))  # another thread is not blocked
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        signal.signal(signal.SIGINT, handler)
-        if came:
-            signal.raise_signal(signal.SIGINT)
 
 
 class Process:

@@ -13,7 +13,8 @@ from typing import Any
 import numba
 
 from hil.campaign.workers.work import Answer, Place, Task, Work, WorkersError
-from hil.live.process import die_with_parent, interrupts_blocked
+from hil.live.process import die_with_parent
+from kernel.interrupts import interrupts_blocked
 
 
 class Pool:

@@ -1,12 +1,14 @@
-"""Ctrl-C while a kernel is compiled or loaded: it is delivered, and the kernel can be compiled afterwards."""
+"""Ctrl-C while a kernel is compiled or processes are started: it is delivered, and none is left half made."""
 
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 from numba.core import event
 
+from kernel.interrupts import interrupts_blocked
 from kernel.jit import njit
 from tests.paths import ROOT
 
@@ -97,3 +99,38 @@ def test_an_ignored_interrupt_stays_ignored():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+IS_BLOCKED = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
+
+
+def is_blocked():
+    return (
+        subprocess.run([sys.executable, "-c", IS_BLOCKED], capture_output=True, text=True, check=True).stdout
+        == "True\n"
+    )
+
+
+def test_a_process_started_within_begins_with_it_blocked_and_one_started_afterwards_does_not():
+    with interrupts_blocked():
+        assert is_blocked()
+    assert not is_blocked()
+
+
+@pytest.mark.parametrize("taken_by", ["this thread", "another"])
+def test_an_interrupt_meanwhile_comes_afterwards(taken_by):
+    def take():
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+        if taken_by == "another":
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+    reached = []
+    with pytest.raises(KeyboardInterrupt), interrupts_blocked():
+        if taken_by == "another":
+            thread = threading.Thread(target=take)
+            thread.start()
+            thread.join()
+        else:
+            take()
+        reached.append("the end")
+    assert reached == ["the end"]
