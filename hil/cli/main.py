@@ -1,8 +1,9 @@
-"""`perch-hil`: the command line. Exit codes: 0 perched, 1 not, 2 usage or configuration, 3 could not
-run, 130 interrupted."""
+"""`perch-hil`: the command line. Exit codes: 0 perched, 1 not, 2 usage or configuration, 3 could not run (also an
+error that nobody foresaw), 130 interrupted."""
 
 from __future__ import annotations
 
+import sys
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 from hil.cli import autopilot, bus, campaign, check, faults, policy, refly, results, rig, run, runs, soak
-from hil.cli.options import POLICIES, Json, fail
+from hil.cli.options import COULD_NOT_RUN, POLICIES, Json, fail
 
 DISTRIBUTION = "perch-hil"
 
@@ -99,5 +100,13 @@ for group in (runs, policy, rig, bus):
 
 
 def main() -> None:
-    """Entry point of the `perch-hil` command."""
-    app()
+    """Entry point of the `perch-hil` command. Exit code 1 is a verdict: no crash and no closed pipe may end with it."""
+    try:
+        app()
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # of which the library makes a 1
+            raise SystemExit(COULD_NOT_RUN) from None
+        raise
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        raise SystemExit(COULD_NOT_RUN) from None

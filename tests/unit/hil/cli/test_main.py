@@ -1,15 +1,20 @@
 import inspect
 import json
+import os
+import subprocess
+import sys
 from importlib import metadata
 
 import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
+from hil.cli import main
 from hil.cli.main import app
-from hil.cli.options import parse_seeds
+from hil.cli.options import COULD_NOT_RUN, parse_seeds
 from policies.flying.shipped import FLYABLE
 from scenarios.spec import list_scenarios
+from tests.paths import ROOT
 
 runner = CliRunner()
 
@@ -169,3 +174,32 @@ def test_a_checklist_that_cannot_be_used_is_one_line_and_exit_2(tmp_path):
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr.startswith("perch-hil: ") and 'did you mean "preflight"' in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_an_error_that_nobody_foresaw_is_not_the_exit_code_of_a_verdict(monkeypatch, capsys):
+    def broken():
+        raise RuntimeError("a table is missing")
+
+    monkeypatch.setattr(main, "app", broken)
+    with pytest.raises(SystemExit) as end:
+        main.main()
+    assert end.value.code == COULD_NOT_RUN
+    assert "RuntimeError: a table is missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("closed", ["stdout", "stderr"])
+def test_output_that_nobody_reads_is_not_the_exit_code_of_a_verdict(tmp_path, closed):
+    reading, writing = os.pipe()
+    os.close(reading)
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, closed: writing}
+    command = ["run", "simple-i", "--policy", "planner", "--camera", "model", "--pictures", "none", "--json"]
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-m", "hil", *command, "--out", tmp_path, "--seeds", "0..1"],
+            cwd=ROOT,
+            check=False,
+            **streams,
+        )
+    finally:
+        os.close(writing)
+    assert ended.returncode == COULD_NOT_RUN
