@@ -107,6 +107,6 @@ def main() -> None:
         if isinstance(end.__context__, BrokenPipeError):  # of which the library makes a 1
             raise SystemExit(COULD_NOT_RUN) from None
         raise
-    except Exception:
-        sys.excepthook(*sys.exc_info())
+    except Exception as error:
+        sys.excepthook(type(error), error, error.__traceback__)
         raise SystemExit(COULD_NOT_RUN) from None
