@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any
@@ -33,7 +33,7 @@ class _Handler(event.Listener):
             return
         if self._depth == 0:
             self._before = signal.getsignal(signal.SIGINT)
-            if isinstance(self._before, Callable):  # type: ignore[arg-type]
+            if callable(self._before):  # not ignored
                 signal.signal(signal.SIGINT, self._remember)
         self._depth += 1
 
@@ -63,13 +63,13 @@ def defer_interrupts() -> None:
 
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
-    """Processes started within begin with SIGINT blocked: it cannot end one that has no handler yet.
+    """A process that is started within begins with SIGINT blocked, so that none can end it before it has a handler.
 
     A SIGINT that comes meanwhile reaches this process afterwards.
     """
-    resource_tracker.ensure_running()  # the first start of it would unblock them
+    resource_tracker.ensure_running()  # its start would unblock SIGINT
     came: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))  # another thread is not blocked
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))  # other threads do not block it
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -1,5 +1,5 @@
 """`perch-hil`: the command line. Exit codes: 0 perched, 1 not, 2 usage or configuration, 3 could not run (also an
-error that nobody foresaw), 130 interrupted."""
+unexpected error), 130 interrupted."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Pool:
         pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(os.getpid(), work))
         before = signal.signal(signal.SIGINT, interrupt)
         try:
-            with interrupts_blocked():  # until `_begin`
+            with interrupts_blocked():  # `_begin` unblocks it in each process
                 waiting: list[Future[tuple[Answer] | None]] = [pool.submit(_do, task) for task in tasks]
             for done in as_completed(waiting):
                 answer = done.result()

@@ -1,4 +1,4 @@
-"""Ctrl-C while a kernel is compiled or processes are started: it is delivered, and none is left half made."""
+"""Ctrl-C while a kernel is compiled or processes are started: it is delivered, and the work can be done again."""
 
 import signal
 import subprocess

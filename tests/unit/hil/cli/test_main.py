@@ -176,7 +176,7 @@ def test_a_checklist_that_cannot_be_used_is_one_line_and_exit_2(tmp_path):
     assert result.stderr.count("\n") == 1
 
 
-def test_an_error_that_nobody_foresaw_is_not_the_exit_code_of_a_verdict(monkeypatch, capsys):
+def test_an_unexpected_error_ends_with_could_not_run(monkeypatch, capsys):
     def broken():
         raise RuntimeError("a table is missing")
 
@@ -188,7 +188,7 @@ def test_an_error_that_nobody_foresaw_is_not_the_exit_code_of_a_verdict(monkeypa
 
 
 @pytest.mark.parametrize("closed", ["stdout", "stderr"])
-def test_output_that_nobody_reads_is_not_the_exit_code_of_a_verdict(tmp_path, closed):
+def test_a_closed_output_ends_with_could_not_run(tmp_path, closed):
     reading, writing = os.pipe()
     os.close(reading)
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, closed: writing}
