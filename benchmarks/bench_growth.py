@@ -7,7 +7,6 @@ the larger ones. A cost with an exponent of at most 1.15 is called linear: noise
 from __future__ import annotations
 
 import json
-import resource
 import shutil
 import tempfile
 import time
@@ -113,7 +112,16 @@ def report_cost(seconds: int) -> tuple[float, float]:
 
 def _report(run: Path) -> tuple[float, float]:
     seconds = timed(lambda: write_report([run]))
-    return seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return seconds, largest_memory_mb()
+
+
+def largest_memory_mb() -> float:
+    """The largest memory of this process so far, MB.
+
+    `getrusage` would give a new process the memory that its parent had when it started it.
+    """
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    return int(line.split()[1]) / 1024.0
 
 
 def longer_run(folder: Path, seconds: int) -> Path:

@@ -1,8 +1,11 @@
 """What `make bench` writes, at tiny sizes: its shape, and no time of any kind."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import benchmarks.__main__ as bench
@@ -55,3 +58,10 @@ def test_growth_is_called_linear_by_its_larger_sizes(power, offset, linear):
     sizes = (1, 10, 100, 1000)
     growth = Growth("cost", sizes, tuple(offset + size**power for size in sizes))
     assert growth.linear is linear
+
+
+def test_the_largest_memory_of_a_process_is_its_own_and_not_that_of_its_parent():
+    held = np.ones(75_000_000)
+    code = "from benchmarks.bench_growth import largest_memory_mb; print(largest_memory_mb())"
+    child = float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True).stdout)
+    assert 10.0 < child < bench_growth.largest_memory_mb() - held.nbytes / 2**20 / 2
