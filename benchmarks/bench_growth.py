@@ -19,10 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
+from hil.assembly.plan import Plan
 from hil.campaign.grid import Grid, check, left_to_do
 from hil.contract.codec import codec
 from hil.contract.topics import TOPICS
-from hil.recording import runs_table
+from hil.host.flight import fly
+from hil.recording import provenance, runs_table
 from hil.recording.mcap_writer import McapWriter
 from hil.recording.reader import Recording
 from hil.recording.recorder import PREFIX
@@ -33,7 +35,7 @@ from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 
 LINEAR = 1.15
-FLOWN = Path(__file__).parents[1] / "tests" / "data" / "runs" / "simple-ii"  # a flight of ten seconds
+FLOWN = Path(__file__).parents[1] / "tests" / "data" / "runs" / "simple-ii"
 _ROWS = 100_000  # stepped for one time
 
 
@@ -103,11 +105,20 @@ def environment_step(stage: str, count: int) -> float:
     return least(some) / steps
 
 
-def report_cost(seconds: int) -> tuple[float, float]:
-    """CPU seconds of the report of a recording as long as `seconds`, and the largest memory of its process, MB."""
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(1, get_context("spawn")) as process:
-        run = longer_run(Path(folder) / "run", seconds)
-        return process.submit(_report, run).result()
+def report_costs(lengths: Sequence[int]) -> tuple[list[float], list[float]]:
+    """CPU seconds of the report of recordings of so many seconds, and the largest memory of its process, MB."""
+    costs = []
+    with tempfile.TemporaryDirectory() as folder:
+        plan = Plan("simple-ii", "sim", None, "model")
+        flown = fly(
+            plan.scenario, plan.rig, plan.make_policy(), 0, policy_name=plan.policy_name, rig_name="sim",
+            pictures="none", out=Path(folder), code=provenance.code(), progress=lambda _now, _stage: None,
+        )  # fmt: skip
+        for seconds in lengths:
+            run = longer_run(flown.run.path, Path(folder) / f"{seconds} s", seconds)
+            with ProcessPoolExecutor(1, get_context("spawn")) as process:
+                costs.append(process.submit(_report, run).result())
+    return [seconds for seconds, _ in costs], [memory for _, memory in costs]
 
 
 def _report(run: Path) -> tuple[float, float]:
@@ -124,14 +135,15 @@ def largest_memory_mb() -> float:
     return int(line.split()[1]) / 1024.0
 
 
-def longer_run(folder: Path, seconds: int) -> Path:
-    """A run of about `seconds` in `folder`: a short flight's messages again and again, each later by its length."""
-    shutil.copytree(FLOWN, folder)
-    (folder / RECORDING).unlink()
-    flown, writer = Recording(FLOWN / RECORDING), McapWriter(folder / RECORDING)
-    kinds = {PREFIX + name: codec(topic.message) for name, topic in TOPICS.items() if PREFIX + name in flown.topics}
+def longer_run(flown: Path, folder: Path, seconds: int) -> Path:
+    """A run of about `seconds` in `folder`: the messages of the run `flown`, repeated, each later by its length."""
+    folder.mkdir()
+    for name in (MANIFEST, SCORE):
+        shutil.copy(flown / name, folder)
+    recording, writer = Recording(flown), McapWriter(folder / RECORDING)
+    kinds = {PREFIX + name: codec(topic.message) for name, topic in TOPICS.items() if PREFIX + name in recording.topics}
     channels = {topic: writer.channel(topic, kind.name, kind.schema) for topic, kind in kinds.items()}
-    entries = list(flown.messages())
+    entries = list(recording.messages())
     length = entries[-1].log_ns - entries[0].log_ns + 1
     for turn in range(max(1, round(seconds * 1e9 / length))):
         for log_ns, name, message in entries:
@@ -176,13 +188,12 @@ def measure(
     rows: Sequence[int], recordings: Sequence[int], folders: Sequence[int], seeds: Sequence[int]
 ) -> list[Growth]:
     """Every growth at the sizes given: rows, seconds, runs, seeds."""
-    reports = [report_cost(size) for size in recordings]
     return [
         *(
             grown(f"a control step of the environment, {stage}, by rows", rows, partial(environment_step, stage))
             for stage in ("state", "vision")
         ),
-        Growth("the report, by seconds recorded", tuple(recordings), *map(tuple, zip(*reports, strict=True))),
+        Growth("the report, by seconds recorded", tuple(recordings), *map(tuple, report_costs(recordings))),
         grown("the list of runs, by runs", folders, list_seconds),
         grown("a campaign without its flights, by seeds", seeds, campaign_own_seconds),
     ]
