@@ -35,10 +35,10 @@ def vehicle(gap=0.3, closing=0.5, along=0.0, tilt=TILT, offset=0.0, board_speed=
     return VehicleState(START, position, tuple(velocity), from_euler(0.0, -tilt, 0.0), (0.0, 0.0, 0.0))
 
 
-def judge(referee, now_ns, vehicle_state, name="attempt", board_state=None):
-    inbox = filled(
-        referee, ("mocap/vehicle", vehicle_state), ("mocap/board", board_state or board()), ("run/stage", stage(name))
-    )
+def judge(referee, now_ns, vehicle_state, name="attempt", board_state=None, late_ns=0):
+    """What it publishes at `now_ns`; `late_ns` is how much later than START the samples are."""
+    seen, below = (replace(one, stamp_ns=one.stamp_ns + late_ns) for one in (vehicle_state, board_state or board()))
+    inbox = filled(referee, ("mocap/vehicle", seen), ("mocap/board", below), ("run/stage", stage(name)))
     return [out.message for out in referee.step(now_ns, inbox)]
 
 
@@ -87,8 +87,8 @@ def test_violated_tolerance_is_named_and_attachment_judged_separately(state, rea
 
 def after_the_limit(seconds, **about):
     """The outcome, reason, attachment of a vehicle that is `about` there so long after the time limit."""
-    now = START + round((RULES.time_limit + seconds) * 1e9)
-    contact, *_ = judge(Referee(RULES, DISC, TILT), now, vehicle(**about))
+    after = round((RULES.time_limit + seconds) * 1e9)
+    contact, *_ = judge(Referee(RULES, DISC, TILT), START + after, vehicle(**about), late_ns=after)
     assert not contact.within_tolerance
     return contact.outcome, contact.reason, contact.attached
 
@@ -111,8 +111,8 @@ def test_vehicle_that_does_not_arrive_fails_at_the_time_limit(seconds, gap, clos
 
 
 def test_attempt_fails_at_the_time_limit_and_on_the_ground():
-    late = START + round(RULES.time_limit * 1e9) + 1_000_000
-    contact, _ = judge(Referee(RULES, DISC, TILT), late, vehicle(gap=1.0))
+    late = round(RULES.time_limit * 1e9) + 1_000_000
+    contact, _ = judge(Referee(RULES, DISC, TILT), START + late, vehicle(gap=1.0), late_ns=late)
     assert (contact.outcome, contact.reason) == ("fail", "time")
     low = VehicleState(START, (3.0, 0.0, 0.1), (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
     contact, _ = judge(Referee(RULES, DISC, TILT), START, low)
@@ -130,8 +130,10 @@ def test_referee_keeps_its_first_verdict():
 HOUR = 3_600_000_000_000
 
 
-@pytest.mark.parametrize("shifts", [(0, -250_000_000), (0, HOUR), (-HOUR, 0), (HOUR, HOUR)])
-def test_no_contact_is_judged_by_samples_of_different_times_or_of_the_future(shifts):
+@pytest.mark.parametrize(
+    "shifts", [(0, -250_000_000), (-250_000_000, 0), (-250_000_000, -250_000_000), (0, HOUR), (-HOUR, 0), (HOUR, HOUR)]
+)
+def test_no_contact_is_judged_by_late_samples_or_by_those_of_the_future(shifts):
     referee, touching = Referee(RULES, DISC, TILT), vehicle(gap=-0.001)
     seen, below = (replace(one, stamp_ns=START + by) for one, by in zip((touching, board()), shifts, strict=True))
     assert judge(referee, START, seen, board_state=below) == []

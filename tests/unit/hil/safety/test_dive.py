@@ -58,8 +58,8 @@ def looked(unseen_ms, vehicle, tilt=0.0, **board):
 
 @pytest.mark.parametrize("tilt", [0.0, 1.2, None])
 def test_moving_board_must_be_seen_close_to_it_wherever_the_camera_looks(tilt):
-    assert looked(150, vehicle_at(0.8), tilt) == ""
-    assert looked(160, vehicle_at(0.8), tilt) == "board not seen for 0.16 s, 0.8 m in front of it"
+    assert looked(150, vehicle_at(0.5), tilt) == ""
+    assert looked(160, vehicle_at(0.5), tilt) == "board not seen for 0.16 s, 0.5 m in front of it"
 
 
 def test_moving_board_must_be_seen_further_off_where_the_camera_looks_at_it():
@@ -71,13 +71,13 @@ def test_moving_board_must_be_seen_further_off_where_the_camera_looks_at_it():
 @pytest.mark.parametrize(
     ("distance", "tilt", "board"),
     [
-        (1.0, 0.35, {}),  # a policy may turn its camera away
-        (1.0, None, {}),
+        (0.65, 0.35, {}),  # a policy may turn its camera away
+        (0.65, None, {}),
         (2.1, 0.0, {}),
         (0.25, 0.0, {}),  # at contact
-        (0.8, 0.0, {"speed": 0.3}),
-        (0.8, 0.0, {"valid": False}),
-        (0.8, 0.0, {"speed": 4.0}),
+        (0.5, 0.0, {"speed": 0.3}),
+        (0.5, 0.0, {"valid": False}),
+        (0.5, 0.0, {"speed": 4.0}),
     ],
 )
 def test_vehicle_flies_on_that_need_not_see_the_board(distance, tilt, board):
@@ -96,9 +96,9 @@ def test_time_that_the_camera_looks_in_vain_begins_anew_with_each_picture_and_ea
 
 def test_gate_trips_on_a_moving_board_that_is_not_seen_in_the_dive():
     gate = VehicleGate(GateLimits(), camera_tilt=0.0)
-    belief = replace(BOARD, position=(2.8, 0.0, 1.5), last_exposure_ns=NOW - 160 * MS)
+    belief = replace(BOARD, position=(2.5, 0.0, 1.5), last_exposure_ns=NOW - 160 * MS)
     gate.check(NOW, Action(NOW, True, (0.1, 0.2, 0.3), 9.0, "network", NOW, 1.0), VEHICLE, belief)
-    assert gate.tripped == "board not seen for 0.16 s, 0.8 m in front of it"
+    assert gate.tripped == "board not seen for 0.16 s, 0.5 m in front of it"
 
 
 @pytest.mark.parametrize(("board", "limit_ms"), [(BOARD, 120), (None, 200), (replace(BOARD, position=(9.0,) * 3), 200)])
