@@ -1,13 +1,17 @@
-"""Processor load of the machine during a live run, with the share that its hypervisor gave to other machines."""
+"""Processor load of the machine during a live run, with the share that its hypervisor gave to other machines, and
+whether it stood still."""
 
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 _STAT = Path("/proc/stat")
 _IDLE, _IOWAIT, _STOLEN, _COUNTED = 3, 4, 7, 8  # columns; what follows them, guests, is counted in the first ones
+_STALL_S = 0.1  # by which a sleep is too long; commands that are silent for 0.12 s end a dive
 
 
 class Load(NamedTuple):
@@ -47,3 +51,13 @@ def load_line(table: dict[str, Any]) -> str:
     if table["stolen"] >= 0.01:
         line += f"; {table['stolen']:.0%} of their time went to other guests of the machine's host"
     return line
+
+
+def sleep(
+    seconds: float, sleeping: Callable[[float], None] = time.sleep, clock: Callable[[], float] = time.monotonic
+) -> str:
+    """Sleep; returns what it says of the computer that this took much longer, empty if it did not."""
+    begun = clock()
+    sleeping(seconds)
+    late = clock() - begun - seconds
+    return f"this computer stood still for {late:.2f} s: what was late then was late by that" if late > _STALL_S else ""

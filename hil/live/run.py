@@ -23,7 +23,7 @@ from hil.host.space import check_space
 from hil.live.ending import TURN_S, await_drivers, bring_down
 from hil.live.graph import check_live_graph
 from hil.live.judge import Ended, judge
-from hil.live.load import load_now
+from hil.live.load import load_now, sleep
 from hil.live.orphaned import remove_orphaned_memory
 from hil.live.run_clock import clock_lines
 from hil.live.run_events import RunEvents
@@ -166,11 +166,11 @@ def _fly(
             remarks = [text for text in (no_shared_memory(),) if text]
             limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
             while events.stage != "ended":
-                time.sleep(TURN_S)
+                stalled = sleep(TURN_S)
                 supervisor.beat()
                 events.take()
                 watch(supervisor)
-                for text in (*remarks, *supervisor.warnings(), *filter(None, [date.text()])):
+                for text in (*remarks, *supervisor.warnings(), *filter(None, [date.text(), stalled])):
                     ended.remarks.append(text)
                     supervisor.report("warning", text)
                 remarks.clear()

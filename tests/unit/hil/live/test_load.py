@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil.live.load import Load, load_line, load_now, load_table
+from hil.live.load import Load, load_line, load_now, load_table, sleep
 
 
 def test_load_shares_are_of_the_time_between_two_samples():
@@ -26,3 +26,11 @@ def test_load_is_zero_where_the_kernel_reports_nothing(tmp_path, text):
     assert load_now(stat)[1:] == (0, 0, 0)
     table = load_table(load_now(stat), load_now(stat))
     assert (table["idle"], table["stolen"]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("took", "said"), [(0.05, ""), (0.14, ""), (0.36, "this computer stood still for 0.31 s")])
+def test_sleep_tells_that_the_computer_stood_still(took, said):
+    slept, times = [], iter((10.0, 10.0 + took))
+    text = sleep(0.05, slept.append, lambda: next(times))
+    assert slept == [0.05]
+    assert text.startswith(said) and bool(text) == bool(said)
