@@ -14,6 +14,7 @@ import math
 from dataclasses import replace
 
 from hil.contract.messages import Action, Belief, Quat, Sent, VehicleState
+from hil.safety.descent import height_lost
 from hil.safety.dive import SILENCE_NS, Lookout, diving
 from hil.safety.limits import GateLimits
 from kernel.stamps import later_than_now
@@ -22,7 +23,6 @@ from vehicle.quadrotor.airframe import CommandLimits
 _JUMP_M, _JUMP_RAD = 0.5, 0.5  # what an estimator may correct at once, on top of motion within the limits
 _UNIT_NORM = 0.05  # deviation of a quaternion's norm from 1
 _REPEAT_NS = 200_000_000  # a policy of 10 Hz repeats each command for 100 ms
-_BRAKING = 2.5  # m/s^2, at which a descent can end; perching needs about 1 above the usual floor
 _AT_BOUND = 0.999  # share of a bound: a network's last layer comes near it only
 
 
@@ -106,8 +106,8 @@ class VehicleGate:
         for axis, value, (low, high) in zip("xyz", vehicle.position, (limits.x, limits.y, limits.z), strict=True):
             if not low <= value <= high:
                 return f"vehicle outside its fence: {axis} = {value:.2f} m, allowed {low:g} to {high:g}"
-        sinks, height = max(0.0, -vehicle.velocity[2]), vehicle.position[2] - limits.z[0]
-        if sinks * sinks > 2.0 * _BRAKING * height:
+        sinks, height = -vehicle.velocity[2], vehicle.position[2] - limits.z[0]
+        if height_lost(vehicle) > height:
             return f"vehicle sinks at {sinks:.1f} m/s, {height:.2f} m above the floor of its fence"
         return ""
 
