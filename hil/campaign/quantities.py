@@ -39,16 +39,24 @@ class Track(NamedTuple):
 
 
 class Attempt:
-    """The messages of a run's attempt by topic, with the time of their publication (ns). Raises ReadError."""
+    """The messages of a run's attempt by topic, with the time of their publication (ns). Raises ReadError.
+
+    It ends with the referee's decision, or when the gate trips: from then on no command is sent.
+    """
 
     def __init__(self, recording: Recording) -> None:
         self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in _TOPICS}
+        tripped_ns: list[int] = []
         for log_ns, topic, message in recording.messages([t for t in _TOPICS if f"/perch/{t}" in recording.topics]):
-            self.messages[topic].append((log_ns, message))
+            if topic == "vehicle/sent" and message.tripped:
+                tripped_ns.append(message.stamp_ns)
+            else:
+                self.messages[topic].append((log_ns, message))
         stages = [message for _, message in self.messages["run/stage"]]
         self.start_ns = next((s.attempt_start_ns for s in stages if s.name == "attempt"), 0)
         decided = (m.stamp_ns for _, m in self.messages["referee/contact"] if m.outcome != "ongoing")
         self.end_ns = next(decided, max((log for log, _ in self.messages["run/stage"]), default=0))
+        self.end_ns = min([self.end_ns, *tripped_ns])
 
     def track(self, topic: str, value: Callable[[Any], Any]) -> Track:
         """A field of the attempt's messages by their stamps; each stamp once."""
@@ -150,7 +158,7 @@ def _action_to_wire(attempt: Attempt) -> np.ndarray:
     if not actions:
         return np.array([])
     stamps = np.array(actions)
-    sent = np.array([m.stamp_ns for _, m in attempt.messages["vehicle/sent"] if not m.tripped])
+    sent = np.array([m.stamp_ns for _, m in attempt.messages["vehicle/sent"]])
     place = np.searchsorted(stamps, sent, side="right") - 1
     return (sent - stamps[np.clip(place, 0, None)])[place >= 0] * 1e-9
 

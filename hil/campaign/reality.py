@@ -52,7 +52,7 @@ def fly_twin(run: Run, out: Path, code: Code, seed: int = 0, source: str = "any"
         rig = simulated_twin(Rig.model_validate({k: v for k, v in run.manifest["rig"].items() if k != "name"}))
     except (ReadError, ValueError, KeyError) as error:
         raise ConfigError(f"{run.path}: cannot be flown again: {error}") from None
-    sent = [m for _, m in attempt.messages["vehicle/sent"] if not m.tripped and m.stamp_ns >= attempt.start_ns > 0]
+    sent = [m for _, m in attempt.messages["vehicle/sent"] if m.stamp_ns >= attempt.start_ns > 0]
     try:
         policy = Playback([(m.stamp_ns - attempt.start_ns, m.body_rate, m.thrust) for m in sent])
     except ValueError as error:
