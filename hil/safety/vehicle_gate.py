@@ -106,7 +106,7 @@ class VehicleGate:
         for axis, value, (low, high) in zip("xyz", vehicle.position, (limits.x, limits.y, limits.z), strict=True):
             if not low <= value <= high:
                 return f"vehicle outside its fence: {axis} = {value:.2f} m, allowed {low:g} to {high:g}"
-        sinks, height = -vehicle.velocity[2], vehicle.position[2] - limits.z[0]
+        sinks, height = max(0.0, -vehicle.velocity[2]), vehicle.position[2] - limits.z[0]
         if height_lost(vehicle) > height:
             return f"vehicle sinks at {sinks:.1f} m/s, {height:.2f} m above the floor of its fence"
         return ""

@@ -15,9 +15,9 @@ def vehicle(sinks, tilt_deg=0.0, yaw=0.0):
     return VehicleState(0, (0.0, 0.0, 2.0), (6.0, 0.0, -sinks), q, (0.0, 0.0, 0.0))
 
 
-def test_upright_vehicle_brakes_at_4_m_s2():
-    assert height_lost(vehicle(3.0)) == pytest.approx(9.0 / 8.0)
-    assert height_lost(vehicle(3.0, tilt_deg=17.0)) == pytest.approx(9.0 / 8.0)
+def test_upright_vehicle_brakes_at_2_5_m_s2():
+    assert height_lost(vehicle(3.0)) == pytest.approx(9.0 / 5.0)
+    assert height_lost(vehicle(3.0, tilt_deg=17.0)) == pytest.approx(9.0 / 5.0)
     assert height_lost(vehicle(-1.0)) == 0.0
 
 
