@@ -1,7 +1,7 @@
 """How much height a descent still takes: a tilted vehicle first turns upright, and meanwhile falls. No clock, no I/O.
 
-In 80 flights with pictures and without a fault (six scenarios) the vehicle had at least 0.3 m more above the floor of the
-usual fence than this asks for.
+In 80 flights with pictures and without a fault (six scenarios) the vehicle had at least 0.3 m more above the floor of
+the usual fence than this asks for.
 """
 
 from __future__ import annotations
