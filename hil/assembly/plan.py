@@ -17,6 +17,18 @@ from scenarios.spec import Scenario, load
 from vehicle.quadrotor.airframe import Airframe, load_airframe
 
 
+def rig_policy(name: str, rig: Rig) -> PolicyFactory:
+    """The policy called `name`, checked against the rig: its airframe, by what it knows of the board, and its camera as
+    calibrated and mounted.
+
+    Raises what `policy_factory` raises.
+    """
+    airframe = load_airframe(rig.vehicle.airframe)
+    camera = None if rig.policy.knows == "mocap" else camera_contract(rig.camera, airframe)
+    stage = "state" if camera is None else "vision"
+    return policy_factory(name, airframe, guidance=rig.policy.guidance, camera=camera, stage=stage)
+
+
 class Plan:
     """What was asked for, read and checked: nothing is written before this succeeds."""
 
@@ -29,8 +41,10 @@ class Plan:
         *,
         faults: Sequence[FaultTable] = (),
         live: bool = False,
+        policy_of: Callable[[str, Rig], PolicyFactory] = rig_policy,
     ) -> None:
         """`rig`: a name or a path, None for the scenario's own. `faults` are flown besides the scenario's own.
+        `policy_of`: opens the policy, so that many plans can share one.
 
         Raises ConfigError, ContractError or ValueError: one line each.
         """
@@ -46,7 +60,7 @@ class Plan:
         check_faults(self.scenario.fault, fault_setting(self.rig, live=live))
         self.policy_name = policy or self.rig.policy.kind
         self.airframe: Airframe = load_airframe(self.rig.vehicle.airframe)
-        self.make_policy: PolicyFactory = rig_policy(self.policy_name, self.rig, self.airframe)
+        self.make_policy: PolicyFactory = policy_of(self.policy_name, self.rig)
 
     def check_latency(self, stopwatch: Callable[[], float]) -> None:
         """Raise ContractError if the policy is too slow for this computer, by `stopwatch` (s); in real time only."""
@@ -61,14 +75,3 @@ class Plan:
         read = self.make_policy.digests.get(POLICY)
         if read not in (None, policy_identity(self.policy_name).get("sha256")):
             raise RunError(f"policy {self.policy_name} was changed since it was read: start again")
-
-
-def rig_policy(name: str, rig: Rig, airframe: Airframe) -> PolicyFactory:
-    """The policy called `name`, checked against the rig: its airframe, by what it knows of the board, and its camera as
-    calibrated and mounted.
-
-    Raises what `policy_factory` raises.
-    """
-    camera = None if rig.policy.knows == "mocap" else camera_contract(rig.camera, airframe)
-    stage = "state" if camera is None else "vision"
-    return policy_factory(name, airframe, guidance=rig.policy.guidance, camera=camera, stage=stage)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-from hil.assembly.plan import Plan, rig_policy
+from hil.assembly.plan import Plan
 from hil.assembly.recorded_motion import recorded_file
 from hil.assembly.rig import Rig
-from hil.campaign.grid import Grid, Job, Result, plan_of
+from hil.campaign.grid import Grid, Job, Result, plan_of, shared_policy
 from hil.campaign.workers.work import Place
 from hil.host.flight import fly
 from hil.recording.autopilot_parameters import note_parameters
@@ -20,10 +18,8 @@ from hil.recording.recorder import RecordingError
 from hil.recording.runs import RunError
 from hil.scoring.flight_class import UNSAFE
 from hil.wires import WireError
-from policies.flying.registry import PolicyFactory
 from policies.flying.shipped import SHIPPED, policy_file
 from scenarios.spec import RecordedPath, Scenario
-from vehicle.quadrotor.airframe import load_airframe
 
 
 @dataclass(frozen=True)
@@ -93,10 +89,9 @@ class Flying:
         """Fly it; its run is then in the place's folder. Raises KeyboardInterrupt if it was interrupted, with its
         recording closed."""
         plan = self.plans[job.case].at(place)
-        rig: Any = plan.rig  # frozen, so that it can be a key
         try:
             flight = fly(
-                plan.scenario, plan.rig, _policy(plan.policy, rig)(), job.seed,
+                plan.scenario, plan.rig, shared_policy(plan.policy, plan.rig)(), job.seed,
                 policy_name=plan.policy, rig_name=plan.rig_name, pictures=self.pictures, out=place.out,
                 code=self.code, progress=lambda *_: None, clearance={"kind": "simulated"},
             )  # fmt: skip
@@ -112,8 +107,3 @@ class Flying:
         score = flight.score
         failure = "" if plan.scenario.fault and found else flight.failure
         return Result(job, score.verdict, tuple(score.reasons), failure, found)
-
-
-@lru_cache(maxsize=64)
-def _policy(name: str, rig: Rig) -> PolicyFactory:
-    return rig_policy(name, rig, load_airframe(rig.vehicle.airframe))

@@ -9,10 +9,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from hil.assembly.plan import Plan
+from hil.assembly.plan import Plan, rig_policy
+from hil.assembly.rig import Rig
 from hil.recording.manifest import nested
 from hil.recording.runs import RunError, list_runs, policy_identity
 from kernel.toml_errors import ConfigError
+from policies.flying.registry import PolicyFactory
 from scenarios.draw import MAX_SEED
 from scenarios.faults import FaultFile, FaultTable
 
@@ -130,4 +132,15 @@ def plan_of(grid: Grid, job: Job) -> Plan:
 
 @lru_cache(maxsize=512)
 def _plan(scenario: str, rig: str | None, policy: str, camera: str | None, faults: tuple[FaultTable, ...]) -> Plan:
-    return Plan(scenario, rig, policy, camera, faults=faults)
+    return Plan(scenario, rig, policy, camera, faults=faults, policy_of=shared_policy)
+
+
+def shared_policy(name: str, rig: Rig) -> PolicyFactory:
+    """`rig_policy`, opened once in this process: a network takes 10 MB, and a grid has hundreds of plans for it."""
+    key: Any = rig  # frozen, so that it can be one
+    return _opened(name, key)
+
+
+@lru_cache(maxsize=64)
+def _opened(name: str, rig: Rig) -> PolicyFactory:
+    return rig_policy(name, rig)

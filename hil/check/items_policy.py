@@ -23,7 +23,7 @@ def contract(context: Context) -> Reading:
     if policy_file(context.policy) is None:
         raise NotApplicable(_BUILT_IN)
     try:
-        network = rig_policy(context.policy, context.rig, context.airframe).network
+        network = rig_policy(context.policy, context.rig).network
         assert network is not None  # of a file
         seconds = latency(network, time.perf_counter)
     except ValueError as error:

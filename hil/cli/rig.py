@@ -46,11 +46,10 @@ def rig_check(
     from hil.cli.screen import print_json, say
     from hil.live.reach import reach
     from policies.flying.contract import ContractError
-    from vehicle.quadrotor.airframe import load_airframe
 
     try:
         read = load_rig(rig)
-        rig_policy(read.policy.kind, read, load_airframe(read.vehicle.airframe))
+        rig_policy(read.policy.kind, read)
     except (ContractError, ValueError) as error:
         raise fail(str(error)) from None
     found = reach(read)

@@ -51,6 +51,14 @@ def test_jobs_are_ordered_by_seed_then_policy(grid):
     assert jobs[0].seed == jobs[1].seed == 0 and jobs[0].scenario == jobs[5].scenario == "simple-i"
 
 
+def test_policy_is_opened_once_however_many_plans_fly_it(grid):
+    faults = tuple(FaultTable(name=f"{k} s", kind="camera.frozen", at=float(k)) for k in range(1, 6))
+    grid = replace(grid, policies=("vision",), faults=faults)
+    plans = [campaign_grid.plan_of(grid, job) for job in check(grid)]
+    assert len(set(map(id, plans))) == 10
+    assert len({id(plan.make_policy) for plan in plans}) == 1
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
