@@ -38,6 +38,7 @@ def train(
         Path | None, typer.Option(help="begin with the weights of this run (its folder) or of this .onnx file")
     ] = None,
     device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N")] = "cpu",
+    as_json: Annotated[bool, typer.Option("--json", help="print the curve as JSON at the end")] = False,
 ) -> None:
     """Train a policy.
 
@@ -58,7 +59,7 @@ def train(
 
     named = recipe or stage
     folder = out or Path("training_runs") / f"{Path(named).stem}-{stage}-{seed}"
-    request = Request(stage, named, airframe, tuple(change or ()), seed, folder, resume, parent, device)
+    request = Request(stage, named, airframe, tuple(change or ()), seed, folder, resume, parent, device, as_json)
     try:
         code = train_policy(request)
     except (DivergedError, ContractError) as error:

@@ -31,7 +31,7 @@ def results(
     from hil.recording.provenance import ProvenanceError, code
     from hil.results.experiments import EXPERIMENTS
     from hil.results.measure import MeasureError, is_measured, kept, measure
-    from hil.results.page import PageError, fill
+    from hil.results.page import PageError, figures, fill
     from kernel.toml_errors import nearest
 
     known = {experiment.name: experiment for experiment in EXPERIMENTS}
@@ -42,7 +42,7 @@ def results(
     if listing:
         for experiment in wanted:
             state = "measured" if is_measured(experiment, folder) else "not measured"
-            print(f"{experiment.name:20s} {state:13s} {experiment.text}")
+            print(f"{experiment.name:28s} {state:13s} {experiment.text}")
         return
     if not page.is_file():
         raise fail(f"{page}: no such page; run this in the project's folder, or give --page", USAGE)
@@ -55,6 +55,8 @@ def results(
                 measure(experiment, folder, flights, code().manifest(), cluster)
         found = {name: kept(experiment, folder) for name, experiment in known.items()}
         data = {name: one["data"] for name, one in found.items() if one is not None}
+        for file, picture in figures(data).items():
+            (folder / file).write_text(picture, encoding="utf-8")
         page.write_text(fill(page.read_text(encoding="utf-8"), data), encoding="utf-8")
     except KeyboardInterrupt:
         raise fail("interrupted; the same command goes on from here", INTERRUPTED) from None

@@ -14,7 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from hil.cli.options import INTERRUPTED, OK
-from policies.training.learners.storage import TrainingError
+from hil.cli.screen import print_json
+from policies.training.learners.storage import TrainingError, read_curve
 from policies.training.recipe import Recipe, load_recipe
 from policies.training.run import CURVE, PICTURE, run
 
@@ -35,6 +36,7 @@ class Request:
     resume: bool
     parent: Path | None
     device: str
+    as_json: bool = False
 
     def again(self) -> str:
         """The command that goes on with this run."""
@@ -131,5 +133,8 @@ def train_policy(request: Request) -> int:
     if stop():
         print(f"saved; go on with:\n  {request.again()}")
         return INTERRUPTED
+    if request.as_json:
+        print_json(read_curve(out / CURVE))
+        return OK
     print(f"policy  {policy}\ncurve   {out / PICTURE} ({CURVE} beside it)\nnext    perch-hil policy evaluate {policy}")
     return OK

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from policies.evaluation.maps import MOTIONS
+
 FLIGHTS = ("scenario", "policy", "seed", "verdict", "planar_m", "normal_alignment_deg", "impact_normal", "reasons")
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """`commands`: arguments of `perch-hil`; {results} stands for the data's folder, {runs} for the flights' folder.
+    """`commands`: arguments of `perch-hil`; {results} stands for the data's folder, {runs} for that of its flights or
+    of its training.
 
     `keep`: where the data is a list of rows, the fields that are kept; empty: all.
     """
@@ -23,6 +26,52 @@ class Experiment:
 def _flights(name: str, text: str, arguments: str) -> Experiment:
     campaign = f"campaign {arguments} --pictures none --out {{runs}}"
     return Experiment(name, text, (campaign, "runs {runs} --json"), FLIGHTS)
+
+
+def _network(name: str, text: str, training: str, evaluation: str) -> Experiment:
+    """A network that is trained for this experiment, and evaluated."""
+    evaluate = f"policy evaluate {{runs}}/policy.onnx {evaluation} --json"
+    return Experiment(name, text, (f"policy train {training} --out {{runs}}", evaluate))
+
+
+LEARNED = {
+    "perchrl": ("PerchRL", "--stage state --set budget=0.15"),
+    "perchrl-without-ta": ("PerchRL w/o TA", "--stage state --set budget=0.15 --set network.temporal=false"),
+    "incline-lander": ("InclineLander", "--recipe incline-lander --set budget=0.195"),
+}
+"""What learns, with 7.8 million samples -> what it is called, and how it is trained."""
+_COMMON = "--set env.count=4096 --set env.speed=[0.0,2.5]"
+_RECIPE = "--set env.oscillating=0.0 --set env.hard_examples=0.0"  # or steep splines would be among a family's boards
+
+
+def _of_family(method: str, family: str) -> Experiment:
+    """The paper's figure of trajectories: a network of its own for each."""
+    title, training = LEARNED[method]
+    odds = ",".join(str(float(k == MOTIONS[family])) for k in range(6))
+    of_state = "" if "--recipe" in training else f" {_COMMON} {_RECIPE}"
+    return _network(
+        f"{method}-{family}",
+        f"{title}, trained on {family} only: its motions",
+        f"{training} --set env.families=[{odds}]{of_state}",
+        "--episodes 800 --motions",
+    )
+
+
+ABLATIONS = {
+    "full": ("PerchRL", ""),
+    "without-rho": ("without rho", "--set env.rho=false"),
+    "augmentation": ("augmentation only", "--set weights.beta=0.0 --set weights.gamma=0.0"),
+    "active": ("active perception only", "--set env.augmentation=false"),
+    "none": ("neither", "--set env.augmentation=false --set weights.beta=0.0 --set weights.gamma=0.0"),
+}
+"""Variant of the paper's vision ablations -> what it is called, and what it changes."""
+
+
+def _ablation(variant: str) -> Experiment:
+    title, changes = ABLATIONS[variant]
+    parent = "--parent policies/checkpoints/plain/state.onnx"
+    train = f"policy train --recipe ablation --stage vision {parent} {changes} --out {{runs}} --json"
+    return Experiment(f"ablation-{variant}", f"vision ablation, {title}: its curve", (train,))
 
 
 EXPERIMENTS = (
@@ -64,6 +113,14 @@ EXPERIMENTS = (
         "scenarios-published",
         "six scenarios on the published noise",
         "--policy vision --policy planner --camera model --seeds 9300..9319",
+    ),
+    *(_of_family(method, family) for method in LEARNED for family in MOTIONS),
+    *(_ablation(variant) for variant in ABLATIONS),
+    _network(
+        "vision-to-2.5",
+        "the recipe `vision` on the paper's range of speeds, to 2.5 m/s: points",
+        "--stage vision --set env.speed=[0.0,2.5] --set env.oscillating=0.0 --set env.hard_examples=0.0",
+        "",
     ),
 )
 """Seeds 9300 and above were used for nothing before: no setting was chosen on them."""

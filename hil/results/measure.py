@@ -51,8 +51,9 @@ def is_measured(experiment: Experiment, results: Path) -> bool:
 def measure(
     experiment: Experiment, results: Path, runs: Path, code: dict[str, Any], cluster: str | None = None
 ) -> None:
-    """Run its commands and write its data into `results`; flights go to a folder of `runs`. `code`: a manifest's table;
-    `cluster`: address of that on which its commands fly, None for this machine.
+    """Run its commands and write its data into `results`; flights go to a folder of `runs`, and a training too, which
+    goes on where it was stopped. `code`: a manifest's table; `cluster`: address of that on which its commands fly, None
+    for this machine.
 
     What a command does not print on stdout, progress and errors, goes to this process's stderr. Raises MeasureError.
     """
@@ -62,7 +63,9 @@ def measure(
         words = shlex.split(
             command.format(results=shlex.quote(str(results)), runs=shlex.quote(str(runs / experiment.name)))
         )
-        if cluster is not None and words[0] in FLYING:
+        if words[:2] == ["policy", "train"]:
+            words += ["--resume"] if any((runs / experiment.name).glob("checkpoint*.pt")) else []
+        elif cluster is not None and words[0] in FLYING:
             words += ["--cluster", cluster]
         done = subprocess.run([sys.executable, "-m", "hil", *words], stdout=subprocess.PIPE, text=True, check=False)
         if done.returncode not in DONE:

@@ -6,7 +6,10 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from hil.results.experiments import ABLATIONS, LEARNED
 from hil.scoring.binomial import interval
+from policies.evaluation.maps import MOTIONS
+from policies.evaluation.plot import comparison, percents
 from scenarios.paper import SimulatedRow, published
 from scenarios.spec import list_scenarios, load
 
@@ -17,6 +20,12 @@ _VISION = {
     "planner-published": "`planner`, published noise",
     "vision-measured": "`vision`, measured noise",
     "planner-measured": "`planner`, measured noise",
+}
+_POINTS = {**_VISION, "vision-to-2.5": "the recipe `vision`, speeds to 2.5 m/s, published noise"}
+_ABLATIONS = {f"ablation-{variant}": title for variant, (title, _) in ABLATIONS.items()}
+_FIGURES = {
+    "ablation-success.svg": ("Vision ablations: success, percent", "success"),
+    "ablation-rho.svg": ("Vision ablations: mean rho, percent", "rho"),
 }
 _STATE = {
     "state": "`state`",
@@ -98,6 +107,41 @@ def _cases(group: str, names: Mapping[str, str], skip: tuple[str, ...] = ()) -> 
     return made
 
 
+def _trajectories(data: Data) -> str:
+    """Success of what learns on each trajectory, by a network that was trained on it alone."""
+    rows = []
+    for family in MOTIONS:
+        mine = {method: data.get(f"{method}-{family}") for method in LEARNED}
+        cases = [row["name"] for row in next(filter(None, mine.values()), {"motions": []})["motions"]]
+        for case in (case for case in cases if case.startswith(f"{family} ")):
+            found = [
+                next((row for row in one["motions"] if row["name"] == case), None) if one else None
+                for one in mine.values()
+            ]
+            rows.append((case, *("-" if row is None else _rate(row) for row in found)))
+    names = {f"{method}-{family}": "" for method in LEARNED for family in MOTIONS}
+    return _markdown(("", *(title for title, _ in LEARNED.values())), rows) + _missing(data, names)
+
+
+def _ablations(data: Data) -> str:
+    """Success and mean rho of each variant at the end of its training."""
+    rows = []
+    for name, title in _ABLATIONS.items():
+        if name in data:
+            ends = [percents(data[name], column)[-1] for column in ("success", "rho")]
+            rows.append((title, f"{ends[0]:.1f}", f"{ends[1] / 100.0:.3f}"))
+    pictures = "".join(f"\n![{title}](../results/{file})\n" for file, (title, _) in _FIGURES.items()) if rows else ""
+    return _markdown(("", "perched, %", "mean rho"), rows) + _missing(data, _ABLATIONS) + pictures
+
+
+def figures(data: Data) -> dict[str, str]:
+    """SVG files of the page that no command draws, by name; those whose data is there."""
+    curves = {title: data[name] for name, title in _ABLATIONS.items() if name in data}
+    if not curves:
+        return {}
+    return {file: comparison(curves, column, title) for file, (title, column) in _FIGURES.items()}
+
+
 def _scenarios(name: str) -> Callable[[Data], str]:
     """Flights within tolerance and the mean speed into the board, a column for each scenario."""
 
@@ -128,12 +172,14 @@ def _impact(flights: list[dict[str, Any]]) -> str:
 
 
 TABLES: dict[str, Callable[[Data], str]] = {
-    "vision-points": _operating_points("vision", _VISION),
+    "vision-points": _operating_points("vision", _POINTS),
     "state-points": _operating_points("state", _STATE),
     "vision-ranges": _cases("points", _VISION, ("T1", "T2", "T3")),
     "motions": _cases("motions", {k: v for k, v in {**_VISION, **_STATE}.items() if "measured" not in k}),
     "vision-changes": _cases("robustness", {"vision-measured": "`vision`, measured noise"}),
     "state-changes": _cases("robustness", {"state": "`state`"}),
+    "trajectories": _trajectories,
+    "ablations": _ablations,
     "scenarios-pictures": _scenarios("scenarios-pictures"),
     "scenarios-published": _scenarios("scenarios-published"),
 }

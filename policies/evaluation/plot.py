@@ -1,14 +1,19 @@
-"""Learning curve and heat map as small SVG files, without a plotting library."""
+"""Learning curves and heat map as small SVG files, without a plotting library."""
 
 from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720, 360, 56, 40, 24
 _FEWEST = 20  # episodes behind a drawn point
+_COLOURS = ("#06c", "#c30", "#393", "#939", "#888")
+
+Curve = Sequence[Mapping[str, float]]
+"""Lines of a run's curve: `samples`, `phase`, `episodes` and shares from 0 to 1."""
 
 
 def _points(xs: list[float], ys: list[float], span: tuple[float, float], y1: float) -> str:
@@ -20,37 +25,53 @@ def _points(xs: list[float], ys: list[float], span: tuple[float, float], y1: flo
 
 
 def learning_curve(table: Path, drawing: Path, title: str) -> None:
-    """Draw success over samples from a curve's CSV, smoothed over a fiftieth of the lines, into an SVG.
+    """Draw success over samples from a curve's CSV, as it is and smoothed, into an SVG.
 
-    It is the success of the training episodes, with exploration noise and the teacher's share of the steps. Fewer than
-    `_FEWEST` episodes of a phase are no share: nothing is drawn there.
+    It is the success of the training episodes, with exploration noise and the teacher's share of the steps.
     """
     with table.open() as file:
-        lines = list(csv.DictReader(file))
-    xs = [float(line["samples"]) / 1e6 for line in lines]
-    counts = [float(line.get("episodes") or _FEWEST) for line in lines]  # curves of older runs do not tell
-    hits = [float(line["success"]) * n if n else 0.0 for line, n in zip(lines, counts, strict=True)]
-    raw = [_percent(hit, n) for hit, n in zip(hits, counts, strict=True)]
-    span = max(1, len(raw) // 50)
-    smooth = []
-    for i in range(len(raw)):
-        part = [k for k in range(max(0, i - span), i + 1) if lines[k].get("phase") == lines[i].get("phase")]
-        part = [k for k in part if math.isfinite(hits[k])]
-        smooth.append(_percent(sum(hits[k] for k in part), sum(counts[k] for k in part)))
+        lines = [{k: float(v) for k, v in line.items()} for line in csv.DictReader(file)]
+    xs = [line["samples"] / 1e6 for line in lines]
     ends = min(xs, default=0.0), max(xs, default=1.0)
     label = "million samples, ancestors' included; success of the episodes flown to learn from"
-    drawing.write_text(_frame(title, ends, label, _lines(xs, raw, smooth, ends)))
+    raw = _line(xs, _percents(lines, "success", 0), ends, "#bcd", 1)
+    drawing.write_text(_frame(title, ends, label, raw + _line(xs, percents(lines, "success"), ends, "#06c", 2)))
 
 
-def _percent(hits: float, episodes: float) -> float:
-    return 100.0 * hits / episodes if episodes >= _FEWEST else math.nan
+def comparison(curves: Mapping[str, Curve], column: str, title: str) -> str:
+    """SVG of a share `column` of several curves over their samples, smoothed, by name."""
+    xs = {name: [line["samples"] / 1e6 for line in lines] for name, lines in curves.items()}
+    every = [x for places in xs.values() for x in places]
+    ends = min(every, default=0.0), max(every, default=1.0)
+    inside = ""
+    for k, (name, lines) in enumerate(curves.items()):
+        colour, y = _COLOURS[k % len(_COLOURS)], HEIGHT - BOTTOM - 16 * (len(curves) - k)
+        inside += _line(xs[name], percents(lines, column), ends, colour, 2)
+        inside += f'<path d="M{WIDTH - 200} {y - 4}h24" stroke="{colour}" stroke-width="3"/>'
+        inside += f'<text x="{WIDTH - 170}" y="{y}">{escape(name)}</text>'
+    return _frame(title, ends, "million samples; the episodes flown to learn from", inside)
 
 
-def _lines(xs: list[float], raw: list[float], smooth: list[float], ends: tuple[float, float]) -> str:
-    return (
-        f'<polyline points="{_points(xs, raw, ends, 100.0)}" fill="none" stroke="#bcd" stroke-width="1"/>'
-        f'<polyline points="{_points(xs, smooth, ends, 100.0)}" fill="none" stroke="#06c" stroke-width="2"/>'
-    )
+def percents(lines: Curve, column: str) -> list[float]:
+    """The share `column` of a curve in percent, by episodes over a fiftieth of its lines. Fewer than `_FEWEST` episodes
+    of a phase are no share: NaN."""
+    return _percents(lines, column, max(1, len(lines) // 50))
+
+
+def _percents(lines: Curve, column: str, before: int) -> list[float]:
+    counts = [line.get("episodes", _FEWEST) or 0.0 for line in lines]  # curves of older runs do not tell
+    sums = [(line[column] or 0.0) * n if n else 0.0 for line, n in zip(lines, counts, strict=True)]
+    found = []
+    for i in range(len(lines)):
+        part = [k for k in range(max(0, i - before), i + 1) if lines[k].get("phase") == lines[i].get("phase")]
+        part = [k for k in part if math.isfinite(sums[k])]
+        episodes = sum(counts[k] for k in part)
+        found.append(100.0 * sum(sums[k] for k in part) / episodes if episodes >= _FEWEST else math.nan)
+    return found
+
+
+def _line(xs: list[float], ys: list[float], ends: tuple[float, float], colour: str, width: int) -> str:
+    return f'<polyline points="{_points(xs, ys, ends, 100.0)}" fill="none" stroke="{colour}" stroke-width="{width}"/>'
 
 
 def _frame(title: str, ends: tuple[float, float], label: str, inside: str) -> str:

@@ -36,6 +36,7 @@ from policies.training.learners.storage import (
 from policies.training.recipe import Recipe
 
 CHECKPOINT, CURVE, PICTURE, LOG = "checkpoint.pt", "curve.csv", "curve.svg", "log.txt"
+CURVE_COLUMNS = ("samples", "phase", "success", "episodes", "rho")
 SAVE_EVERY = 50.0  # s
 
 Progress = Callable[[dict], None]
@@ -88,7 +89,7 @@ def run(
             numbers = {"phase": index, **_step(learner, path)}
             numbers["samples"] = base + numbers["samples"]
             seconds = time.monotonic() - begun
-            curve.add({key: numbers[key] for key in ("samples", "phase", "success", "episodes")})
+            curve.add({key: numbers[key] for key in CURVE_COLUMNS})
             _log(out_dir, {**numbers, "seconds": seconds})
             if progress is not None:
                 progress({**numbers, "share": learner.samples / settings.samples, "seconds": seconds})

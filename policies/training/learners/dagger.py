@@ -19,10 +19,10 @@ from torch.nn.functional import smooth_l1_loss
 from policies.environment.config import EnvConfig
 from policies.environment.env import Env
 from policies.network.actor_critic import FORESEEN, Actor, NetworkConfig
-from policies.task import entry_row, result_row
-from policies.task.contact import SUCCESS
+from policies.task import entry_row
 from policies.task.observation import NEWEST
 from policies.training.learners.device import Uplink
+from policies.training.learners.learner import take_episodes
 from policies.training.learners.replay import Replay
 from policies.training.learners.storage import TrainingError, env_state, load_env
 from policies.training.learners.teachers import open_teacher
@@ -99,11 +99,8 @@ class Dagger:
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         loss = self._learn()
-        rows = self.env.tally.rows
-        self.env.tally.__init__()
-        success = float((rows[:, result_row.OUTCOME] == SUCCESS).mean()) if len(rows) else math.nan
-        numbers = {"samples": self.samples, "success": success, "episodes": len(rows)}
-        return {**numbers, "loss": loss, "teacher": share, "rate": rate}
+        _, numbers = take_episodes(self.env)
+        return {"samples": self.samples, **numbers, "loss": loss, "teacher": share, "rate": rate}
 
     def _collect(self, share: float) -> None:
         env, c = self.env, self.config

@@ -27,6 +27,7 @@ from policies.network.actor_critic import Actor, Critic, NetworkConfig
 from policies.task import result_row
 from policies.task.contact import SUCCESS
 from policies.training.learners.device import Uplink
+from policies.training.learners.learner import take_episodes
 from policies.training.learners.rollout import Rollout
 from policies.training.learners.storage import TrainingError, env_state, load_env
 
@@ -109,13 +110,11 @@ class Ppo:
         rate = c.rate + (c.rate_end - c.rate) * progress
         self.optimiser.param_groups[0]["lr"] = 0.0 if self.samples < c.critic_only else rate
         numbers = self._learn(last_value)
-        rows = self.env.tally.rows
-        self.env.tally.__init__()
+        rows, episodes = take_episodes(self.env)
         good = rows[:, result_row.OUTCOME] == SUCCESS
         return {
             "samples": self.samples,
-            "success": float(good.mean()) if len(rows) else math.nan,
-            "episodes": len(rows),
+            **episodes,
             "reward": float(self.rollout.reward.mean()) / c.reward_scale,
             "normal_speed": float(-rows[good, result_row.NORMAL_SPEED].mean()) if good.any() else math.nan,
             "std": float(self.actor.log_std.exp().mean().detach()),

@@ -116,6 +116,12 @@ def not_finite(learner: Any) -> str:
     return "; ".join(f"{what} {', '.join(names[:4])}" for what, names in parts if names)
 
 
+def read_curve(path: Path) -> list[dict[str, float]]:
+    """The lines of a run's curve, by column."""
+    with path.open() as file:
+        return [{k: float(v) for k, v in line.items()} for line in csv.DictReader(file)]
+
+
 class Curve:
     """A CSV of one line an iteration. Lines after the checkpoint that a run resumes from are dropped."""
 
@@ -125,12 +131,11 @@ class Curve:
         if resume_at is None or not path.exists():
             path.unlink(missing_ok=True)
             return
-        with path.open() as file:
-            lines = list(csv.DictReader(file))
+        lines = read_curve(path)
         path.unlink()
         for line in lines:
-            if int(float(line["samples"])) <= resume_at:
-                self.add({k: float(v) for k, v in line.items()})
+            if line["samples"] <= resume_at:
+                self.add(line)
 
     def add(self, line: dict[str, float]) -> None:
         """Append; the first line names the columns."""

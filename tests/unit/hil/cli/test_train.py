@@ -121,6 +121,15 @@ def test_finished_training_is_not_overwritten(tmp_path, tiny):
     assert "--resume" in one_line(runner.invoke(app, asked))
 
 
+def test_curve_as_json_is_that_of_the_folder(tmp_path, tiny):
+    result = runner.invoke(app, ["train", "--recipe", tiny, "--out", str(tmp_path / "run"), "--json"])
+    assert result.exit_code == 0, result.output
+    curve = json.loads(result.stdout)
+    head, *lines = (tmp_path / "run" / "curve.csv").read_text().splitlines()
+    assert len(curve) == len(lines) and list(curve[0]) == head.split(",")
+    assert {"samples", "success", "episodes", "rho"} <= set(curve[0])
+
+
 def test_ctrl_c_saves_a_checkpoint_and_prints_the_resume_command(tmp_path, tiny, monkeypatch):
     from hil.cli import training
 

@@ -48,6 +48,22 @@ def test_commands_that_fly_are_flown_on_the_cluster_and_kept_as_the_same_command
     assert is_measured(both, tmp_path)
 
 
+def test_training_that_was_stopped_goes_on(tmp_path, monkeypatch):
+    asked = []
+
+    def run(words, **_):
+        asked.append(words[3:])
+        return SimpleNamespace(returncode=0, stdout="[]")
+
+    monkeypatch.setattr("hil.results.measure.subprocess.run", run)
+    net = Experiment("net", "", ("policy train --out {runs}", "policy evaluate {runs}/policy.onnx --json"))
+    measure(net, tmp_path, tmp_path / "runs", {})
+    (tmp_path / "runs" / "net").mkdir(parents=True)
+    (tmp_path / "runs" / "net" / "checkpoint.pt").touch()
+    measure(net, tmp_path, tmp_path / "runs", {})
+    assert ["--resume" in words for words in asked] == [False, False, True, False]
+
+
 def test_command_that_fails_is_named_and_leaves_no_data(tmp_path):
     wrong = Experiment("wrong", "", ("policy evaluate magic --json",))
     with pytest.raises(MeasureError, match="policy evaluate magic --json: exit code 2"):

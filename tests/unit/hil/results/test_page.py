@@ -4,7 +4,7 @@ import pytest
 
 from hil.results.experiments import EXPERIMENTS
 from hil.results.measure import files, kept
-from hil.results.page import TABLES, PageError, fill
+from hil.results.page import TABLES, PageError, figures, fill
 from tests.paths import ROOT
 
 PAGE = ROOT / "docs" / "results.md"
@@ -51,3 +51,34 @@ def test_table_without_data_names_the_command_that_measures_it():
 def test_unknown_table_is_an_error():
     with pytest.raises(PageError, match="no table 'speeds'"):
         fill(BLOCK.format("speeds"), {})
+
+
+def test_each_trajectory_is_flown_by_the_network_that_was_trained_on_it():
+    def motions(rates):
+        return {
+            "motions": [{"name": f"{k} 1 m/s 0 deg", "success": v, "interval_95": (0, 100)} for k, v in rates.items()]
+        }
+
+    data = {
+        "perchrl-line": motions({"line": 90.0, "spline": 11.0}),
+        "perchrl-spline": motions({"line": 12.0, "spline": 80.0}),
+    }
+    filled = fill(BLOCK.format("trajectories"), data)
+    lines = [line for line in filled.splitlines() if "m/s" in line]
+    assert [line.split("|")[1:4] for line in lines] == [
+        [" spline 1 m/s 0 deg ", " 80.00 (0.0-100.0) ", " - "],
+        [" line 1 m/s 0 deg ", " 90.00 (0.0-100.0) ", " - "],
+    ]
+    assert "perchrl-racetrack" in filled and "perchrl-line" not in filled, "what is missing is named"
+
+
+def test_ablations_are_compared_by_the_end_of_their_curves():
+    end = {"samples": 2e6, "phase": 0.0, "episodes": 50.0}
+    begin = {"samples": 1e6, "phase": 0.0, "episodes": 0.0, "success": None, "rho": None}
+    data = {"ablation-full": [begin, {**end, "success": 0.9, "rho": 0.97}]}
+    filled = fill(BLOCK.format("ablations"), data)
+    assert "| PerchRL | 90.0 | 0.970 |" in filled and "../results/ablation-rho.svg" in filled
+    assert {name: picture.count("<polyline") for name, picture in figures(data).items()} == {
+        "ablation-success.svg": 1, "ablation-rho.svg": 1,
+    }  # fmt: skip
+    assert figures({}) == {} and ".svg" not in fill(BLOCK.format("ablations"), {})

@@ -2,7 +2,7 @@
 
 import re
 
-from policies.evaluation.plot import learning_curve
+from policies.evaluation.plot import comparison, learning_curve, percents
 
 
 def drawn(tmp_path, rows, head="samples,phase,success,episodes"):
@@ -29,3 +29,17 @@ def test_curve_joins_iterations_until_enough_episodes_stand_behind_a_point(tmp_p
 def test_curve_of_a_run_that_counted_no_episodes_is_drawn(tmp_path):
     raw, smooth = drawn(tmp_path, [(1000 * k, 0, 0.5) for k in range(10)], "samples,phase,success")
     assert len(raw) == len(smooth) == 10
+
+
+def test_comparison_draws_a_line_and_a_name_for_each_curve():
+    lines = [{"samples": 1e5 * k, "phase": 0.0, "episodes": 50.0, "rho": 0.5 + 0.01 * k} for k in range(10)]
+    picture = comparison({"with <rho>": lines, "without": lines[:5]}, "rho", "Mean rho")
+    points = [line.split() for line in re.findall(r'<polyline points="([^"]*)"', picture)]
+    assert [len(line) for line in points] == [10, 5]
+    assert ">with &lt;rho&gt;</text>" in picture and ">without</text>" in picture
+
+
+def test_shares_are_weighed_by_episodes():
+    lines = [{"samples": 1.0, "phase": 0.0, "episodes": 90.0, "success": 1.0},
+             {"samples": 2.0, "phase": 0.0, "episodes": 10.0, "success": 0.0}]  # fmt: skip
+    assert percents(lines, "success") == [100.0, 90.0]
