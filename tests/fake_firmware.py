@@ -8,6 +8,7 @@ gives it a fault: mute, exit, no-lockstep or leave.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import select
 import socket
@@ -128,6 +129,8 @@ def main() -> None:
     if fault == "exit":
         print("ERROR [init] Unknown model")
         sys.exit(1)
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))  # as PX4's threads have it
     FakeFirmware(given.i, fault).run()
 
 

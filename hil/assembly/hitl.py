@@ -10,6 +10,7 @@ from pathlib import Path
 from hil.assembly.rig import VehicleSlot
 from hil.wires import WireError
 from hil.wires.firmware import Firmware
+from hil.wires.settled import IdleCore, SettledServer
 from hil.wires.simulator import PORT, SimulatorPort, SimulatorServer, check_simulator
 from vehicle.px4.event_texts import EventTexts, load_events
 from vehicle.px4.hitl.parameters import firmware_parameters
@@ -37,6 +38,18 @@ def firmware_events(slot: VehicleSlot) -> EventTexts | None:
         return None
 
 
+def idle_core(slot: VehicleSlot) -> IdleCore | None:
+    """The core of a firmware that is to repeat itself, None for others. Raises WireError where that cannot be had."""
+    if not slot.deterministic:
+        return None
+    if not build_folder(slot):
+        raise WireError(
+            f"deterministic = true: name PX4's build folder by px4 or {BUILD}; only a firmware that the run starts can "
+            "have a core of its own"
+        )
+    return IdleCore()
+
+
 def free_instance(slot: VehicleSlot) -> int:
     """The number of the firmware that this run starts: the first whose ports are free. 0 if it starts none.
 
@@ -57,8 +70,11 @@ def free_instance(slot: VehicleSlot) -> int:
 class HitlWires:
     """Opened by the host of the device's node: `simulator` at once, the firmware with `start`."""
 
-    def __init__(self, slot: VehicleSlot, instance: int = 0) -> None:
-        """Raises WireError for a port in use, a device that is missing, a build folder without PX4."""
+    def __init__(self, slot: VehicleSlot, instance: int = 0, core: IdleCore | None = None) -> None:
+        """`core`: that of a firmware which repeats itself.
+
+        Raises WireError for a port in use, a device that is missing, a build folder without PX4.
+        """
         kind, where, number = check_simulator(slot.simulator)
         self.simulator: SimulatorServer | SimulatorPort
         self._firmware: Firmware | None = None
@@ -68,8 +84,12 @@ class HitlWires:
         build = build_folder(slot)
         if build:
             parameters = firmware_parameters(load_airframe(slot.airframe), slot.external_pose)
-            self._firmware = Firmware(build, parameters, instance)
-        self.simulator = SimulatorServer(where, number + instance)
+            self._firmware = Firmware(build, parameters, instance, None if core is None else core.core)
+        address = where, number + instance
+        if core is not None and self._firmware is not None:
+            self.simulator = SettledServer(*address, core, self._firmware.starting)
+        else:
+            self.simulator = SimulatorServer(*address)
 
     def start(self, folder: Path) -> None:
         """Start the firmware, its log into `folder`, and wait until one has joined. Raises WireError."""

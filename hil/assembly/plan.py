@@ -10,6 +10,7 @@ from hil.assembly.recorded_motion import identified
 from hil.assembly.rig import Rig, chosen_rig, load_rig
 from hil.faults.kinds import check_faults
 from hil.recording.runs import RunError, policy_identity
+from kernel.toml_errors import ConfigError
 from policies.flying.registry import POLICY, PolicyFactory, policy_factory
 from policies.flying.trial import latency
 from scenarios.faults import FaultTable
@@ -56,6 +57,8 @@ class Plan:
         if camera is not None:
             source = self.rig.camera.model_copy(update={"source": camera})
             self.rig = self.rig.model_copy(update={"camera": source})
+        if live and self.rig.vehicle.deterministic:
+            raise ConfigError("[vehicle] deterministic = true is for flights in lockstep: fly without --live")
         self.scenario = identified(self.scenario)
         check_faults(self.scenario.fault, fault_setting(self.rig, live=live))
         self.policy_name = policy or self.rig.policy.kind

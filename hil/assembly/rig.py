@@ -48,6 +48,10 @@ class VehicleSlot(_Section):
         default="",
         description="of kind hitl over TCP: build folder of the SITL that a run starts; empty: yours runs",
     )
+    deterministic: bool = Field(
+        default=False,
+        description="a SITL that a run starts repeats itself: it gets a core of its own (in lockstep, as root)",
+    )
     powered: bool = Field(
         default=False, description="of kind hitl over a serial port: the motors' battery may be connected"
     )
@@ -100,6 +104,8 @@ class VehicleSlot(_Section):
             raise ValueError('kind "hitl" needs a simulator (tcp://:4560 or serial:///dev/ttyACM0), others have none')
         if self.ground_url and self.kind == "sim":
             raise ValueError("ground_url is a link of a real autopilot")
+        if self.deterministic and (self.kind != "hitl" or self.on_hardware):
+            raise ValueError('deterministic is for kind "hitl" with a simulator of tcp://:4560')
         if self.px4 and (self.kind != "hitl" or self.on_hardware):
             raise ValueError('px4 is a build folder: only kind "hitl" with a simulator of tcp://:4560 has one')
         if self.powered and not self.on_hardware:

@@ -9,12 +9,13 @@ from functools import cached_property
 from pathlib import Path
 
 from hil.assembly.builder import Assembly
-from hil.assembly.hitl import HitlWires, free_instance, offboard_url
+from hil.assembly.hitl import HitlWires, free_instance, idle_core, offboard_url
 from hil.assembly.rig import Rig
 from hil.contract.node import Node
 from hil.contract.wire import memory_pair
 from hil.wires import WireError
 from hil.wires.barrier import BarrierWire
+from hil.wires.settled import IdleCore, SettledWire
 from hil.wires.url import open_url
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import Drawn
@@ -36,7 +37,8 @@ class MemoryWires:
         self._vehicle = memory_pair(clock, round(rig.vehicle.wire_delay_ms * _MS))
         self._car = memory_pair(clock, round(rig.groundcar.wire_delay_ms * _MS))
         self._hitl: HitlWires | None = None
-        self._offboard: BarrierWire | None = None
+        self._offboard: BarrierWire | SettledWire | None = None
+        self._core: IdleCore | None = None
 
     @cached_property
     def _instance(self) -> int:
@@ -49,14 +51,23 @@ class MemoryWires:
         if self._slot.kind != "hitl":
             return self._vehicle[0]
         url = offboard_url(self._slot, self._instance)
-        self._offboard = BarrierWire(open_url(url, self.vehicle_system()), lambda: BASE_US + self._clock() // 1000)
+        core = self._idle_core()
+        wire = open_url(url, self.vehicle_system())
+        if core is None:
+            self._offboard = BarrierWire(wire, lambda: BASE_US + self._clock() // 1000)
+        else:
+            self._offboard = SettledWire(wire, core)
         return self._offboard
 
     def vehicle_device(self) -> object:
         if self._slot.kind != "hitl":
             return self._vehicle[1]
-        self._hitl = HitlWires(self._slot, self._instance)
+        self._hitl = HitlWires(self._slot, self._instance, self._idle_core())
         return self._hitl.simulator
+
+    def _idle_core(self) -> IdleCore | None:
+        self._core = self._core or idle_core(self._slot)
+        return self._core
 
     def start(self, folder: Path) -> None:
         """Start what runs outside this process; what it leaves goes into `folder`. Raises WireError."""
@@ -65,7 +76,7 @@ class MemoryWires:
 
     def close(self) -> None:
         """Close what leaves this process; may be called twice."""
-        for wire in (self._offboard, self._hitl):
+        for wire in (self._offboard, self._hitl, self._core):
             if wire is not None:
                 wire.close()
 

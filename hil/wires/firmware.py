@@ -22,6 +22,7 @@ from hil.wires import WireError
 MODEL = "none_iris"  # of the firmware's own models the one that waits for a simulator of the user's
 LOG, FLIGHT_LOG = "firmware.log", "firmware.ulg"
 _GRACE_S = 3.0
+_SESSION = 3  # of /proc/PID/stat, behind the name
 _PR_SET_PDEATHSIG = 1
 
 
@@ -39,13 +40,16 @@ def check_build(folder: str) -> Path:
 class Firmware:
     """One firmware process. `start` it, and `stop` it at the end of the run."""
 
-    def __init__(self, build: str, parameters: Mapping[str, float], instance: int = 0, model: str = MODEL) -> None:
-        """`parameters`: name -> value, set before it boots. Raises WireError for a folder without PX4."""
-        self._build, self._instance = check_build(build), instance
+    def __init__(self, build: str, parameters: Mapping[str, float], instance: int = 0, core: int | None = None) -> None:
+        """`parameters`: name -> value, set before it boots. `core`: the one that it runs on, None for any.
+
+        Raises WireError for a folder without PX4.
+        """
+        self._build, self._instance, self._core = check_build(build), instance, core
         self._environment = {
             **{name: value for name, value in os.environ.items() if not name.startswith("PX4_")},
             **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()},
-            "PX4_SIM_MODEL": model,
+            "PX4_SIM_MODEL": MODEL,
         }
         self._process: subprocess.Popen[bytes] | None = None
         self._work: Path | None = None
@@ -69,10 +73,31 @@ class Firmware:
             with (self._folder / LOG).open("ab") as log:
                 self._process = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, cwd=self._work,
-                    env=self._environment, start_new_session=True, preexec_fn=_end_with_parent,
+                    env=self._environment, start_new_session=True, preexec_fn=self._prepare,
                 )  # fmt: skip
         except OSError as error:
             raise WireError(f"{binary} cannot be started: {error.strerror}") from None
+
+    def _prepare(self) -> None:
+        """In the new process."""
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if self._core is not None:
+            os.sched_setaffinity(0, {self._core})
+
+    def starting(self) -> frozenset[int] | None:
+        """Commands of its start script that are under way (process ids); None once the script has ended."""
+        commands, shells = set(), 0
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            with contextlib.suppress(OSError):  # it has ended meanwhile
+                before, _, after = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")
+                number, _, name = before.partition(" (")
+                if self._process is None or int(after.split()[_SESSION]) != self._process.pid:
+                    continue
+                if name == "sh":
+                    shells += 1
+                elif int(number) != self._process.pid:
+                    commands.add(int(number))
+        return frozenset(commands) if commands or shells else None
 
     def ended(self) -> str:
         """How it ended, in words; empty while it runs."""
@@ -104,7 +129,3 @@ class Firmware:
         if logs and self._folder is not None:
             with contextlib.suppress(OSError):
                 shutil.copyfile(logs[-1], self._folder / FLIGHT_LOG)
-
-
-def _end_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hil.assembly import hitl
-from hil.assembly.rig import load_rig
+from hil.assembly.rig import RIG_DIR, load_rig
 from hil.cli.main import app
 from hil.contract.messages import Event
 from hil.live.reach import reach
@@ -74,6 +74,33 @@ def test_firmware_flies_an_attempt_in_lockstep(firmware, tmp_path):
     said = [event.text for event in events(run)]
     assert any("autopilot: Takeoff detected" in text for text in said), said
     assert not any(text.startswith("firmware: ") for text in said), said
+
+
+@pytest.fixture
+def deterministic(tmp_path):
+    """The rig of the firmware that repeats itself."""
+    if len(os.sched_getaffinity(0)) < 2 or os.geteuid() != 0:
+        pytest.skip("a deterministic firmware needs two cores and root")
+    text = (RIG_DIR / "px4-firmware.toml").read_text(encoding="utf-8")
+    path = tmp_path / "twice.toml"
+    path.write_text(text.replace('kind = "hitl"', 'kind = "hitl"\ndeterministic = true'), encoding="utf-8")
+    return str(path)
+
+
+def test_deterministic_firmware_flies_the_same_flight_twice(firmware, deterministic, tmp_path):
+    runs = [fly(tmp_path / name, "--rig", deterministic)[1] for name in ("first", "second")]
+    assert all(run.manifest["state"] == "finished" for run in runs)
+    result = CliRunner().invoke(app, ["diff", *(str(run.path) for run in runs)])
+    assert result.exit_code == 0, result.output
+
+
+def test_deterministic_firmware_is_refused_where_it_cannot_be_had(deterministic, tmp_path, monkeypatch):
+    asked = ["run", "simple-i", "--rig", deterministic, "--out", str(tmp_path / "runs")]
+    monkeypatch.delenv(hitl.BUILD, raising=False)
+    result = CliRunner().invoke(app, asked)
+    assert result.exit_code == 3 and "name PX4's build folder by px4 or PERCH_HIL_PX4" in result.output
+    result = CliRunner().invoke(app, [*asked, "--live"])
+    assert result.exit_code == 2 and "fly without --live" in result.output
 
 
 @pytest.mark.parametrize(

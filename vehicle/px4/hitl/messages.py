@@ -16,6 +16,7 @@ SYSTEM, COMPONENT = 245, 51  # of the simulator; PX4 does not look at them
 
 # HIL_SENSOR.fields_updated, as PX4 reads it: a sensor counts only with all its bits.
 IMU, MAG, BARO = 0b111_111, 0b111_000_000, 0b1_101_000_000_000
+UTC_US = 1_767_225_600_000_000  # the firmware's time 0: 2026-01-01, in every run
 _GPS_FIX, _SATELLITES = 3, 16
 _EPH_CM, _EPV_CM = 10, 10
 
@@ -26,14 +27,15 @@ def hil_sensor(packer: Packer, time_us: int, reading: np.ndarray, fields: int) -
 
 
 def hil_gps(packer: Packer, time_us: int, fix: np.ndarray) -> bytes:
-    """HIL_GPS of a place and velocity in the world (6,), m and m/s ENU."""
+    """HIL_GPS of a place and velocity in the world (6,), m and m/s ENU. Its time is UTC, by which PX4 names its log
+    (else it takes the computer's)."""
     x, y, z, vx, vy, vz = fix.tolist()
     latitude, longitude = geodetic(x, y)
     course = round(math.degrees(math.atan2(vx, vy)) * 100.0) % 36000
     speed, north, east, down = (round(v * 100.0) for v in (math.hypot(vx, vy, vz), vy, vx, -vz))
     return packer.pack(
-        MESSAGES["HIL_GPS"], time_us, _GPS_FIX, latitude, longitude, round((ORIGIN_ALTITUDE + z) * 1000.0), _EPH_CM,
-        _EPV_CM, speed, north, east, down, course, _SATELLITES, 0, 0,
+        MESSAGES["HIL_GPS"], UTC_US + time_us, _GPS_FIX, latitude, longitude, round((ORIGIN_ALTITUDE + z) * 1000.0),
+        _EPH_CM, _EPV_CM, speed, north, east, down, course, _SATELLITES, 0, 0,
     )  # fmt: skip
 
 

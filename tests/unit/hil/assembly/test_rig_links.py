@@ -47,6 +47,11 @@ def test_shipped_rigs_can_be_read_and_warmed_up(name):
             '[vehicle]\nkind = "hitl"\nsimulator = "serial:///dev/ttyACM0"\nurl = "udp://:14540"\npx4 = "build"',
             "px4 is a build folder",
         ),
+        ('[vehicle]\nkind = "sim"\ndeterministic = true', "deterministic is for kind"),
+        (
+            '[vehicle]\nkind = "hitl"\nsimulator = "serial:///dev/ttyACM0"\nurl = "udp://:14540"\ndeterministic = true',
+            "deterministic is for kind",
+        ),
         ('[vehicle]\nkind = "hitl"\nsimulator = "tcp://:4560"\npowered = true', "flight controller"),
         ('[camera]\nkind = "v4l2"', "needs a device"),
         ('[camera]\nkind = "v4l2"\ndevice = "/dev/video0"\nsource = "model"', "simulated"),
