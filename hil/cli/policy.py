@@ -38,11 +38,11 @@ def train(
         Path | None, typer.Option(help="begin with the weights of this run (its folder) or of this .onnx file")
     ] = None,
     device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N")] = "cpu",
-    as_json: Annotated[bool, typer.Option("--json", help="print the curve as JSON at the end")] = False,
+    as_json: Json = False,
 ) -> None:
     """Train a policy.
 
-    Leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder.
+    Leaves policy.onnx, curve.csv, curve.svg and checkpoints in a folder; --json prints the curve at the end.
 
     Ctrl-C saves and says how to go on; a kill loses at most a minute.
 

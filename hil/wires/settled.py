@@ -23,14 +23,13 @@ from hil.wires.simulator import CONNECT_S, SimulatorServer
 
 REST_S = 10.0  # waited at most; a step takes 0.1 ms
 COMMAND_S = 0.03  # a command of the start script that lasts longer waits for the clock
-_REFUSED = 3
-_IDLE = f"""
+_IDLE = """
 import os, sys
-os.sched_setaffinity(0, {{int(sys.argv[1])}})
+os.sched_setaffinity(0, {int(sys.argv[1])})
 try:
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 except PermissionError:
-    sys.exit({_REFUSED})
+    sys.exit(1)
 os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 os.write(1, b".")
 while os.read(0, 1):
