@@ -39,7 +39,7 @@ def firmware_events(slot: VehicleSlot) -> EventTexts | None:
 
 
 def idle_core(slot: VehicleSlot) -> IdleCore | None:
-    """The core of a firmware that is to repeat itself, None for others. Raises WireError where that cannot be had."""
+    """The core of a deterministic firmware, None for others. Raises WireError where it cannot be had."""
     if not slot.deterministic:
         return None
     if not build_folder(slot):
@@ -71,7 +71,7 @@ class HitlWires:
     """Opened by the host of the device's node: `simulator` at once, the firmware with `start`."""
 
     def __init__(self, slot: VehicleSlot, instance: int = 0, core: IdleCore | None = None) -> None:
-        """`core`: that of a firmware which repeats itself.
+        """`core`: that of a deterministic firmware.
 
         Raises WireError for a port in use, a device that is missing, a build folder without PX4.
         """

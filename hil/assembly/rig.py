@@ -50,7 +50,7 @@ class VehicleSlot(_Section):
     )
     deterministic: bool = Field(
         default=False,
-        description="a SITL that a run starts repeats itself: it gets a core of its own (in lockstep, as root)",
+        description="two runs of a SITL that they start are equal: it gets a core of its own (in lockstep, as root)",
     )
     powered: bool = Field(
         default=False, description="of kind hitl over a serial port: the motors' battery may be connected"

@@ -34,25 +34,26 @@ def _network(name: str, text: str, training: str, evaluation: str) -> Experiment
     return Experiment(name, text, (f"policy train {training} --out {{runs}}", evaluate))
 
 
+_STATE = (
+    "--stage state --set budget=0.15 --set env.count=4096 --set env.speed=[0.0,2.5] "
+    "--set env.oscillating=0.0 --set env.hard_examples=0.0"  # or steep splines would be among a family's boards
+)
 LEARNED = {
-    "perchrl": ("PerchRL", "--stage state --set budget=0.15"),
-    "perchrl-without-ta": ("PerchRL w/o TA", "--stage state --set budget=0.15 --set network.temporal=false"),
+    "perchrl": ("PerchRL", _STATE),
+    "perchrl-without-ta": ("PerchRL w/o TA", f"{_STATE} --set network.temporal=false"),
     "incline-lander": ("InclineLander", "--recipe incline-lander --set budget=0.195"),
 }
 """What learns, with 7.8 million samples -> what it is called, and how it is trained."""
-_COMMON = "--set env.count=4096 --set env.speed=[0.0,2.5]"
-_RECIPE = "--set env.oscillating=0.0 --set env.hard_examples=0.0"  # or steep splines would be among a family's boards
 
 
 def _of_family(method: str, family: str) -> Experiment:
     """The paper's figure of trajectories: a network of its own for each."""
     title, training = LEARNED[method]
     odds = ",".join(str(float(k == MOTIONS[family])) for k in range(6))
-    of_state = "" if "--recipe" in training else f" {_COMMON} {_RECIPE}"
     return _network(
         f"{method}-{family}",
         f"{title}, trained on {family} only: its motions",
-        f"{training} --set env.families=[{odds}]{of_state}",
+        f"{training} --set env.families=[{odds}]",
         "--episodes 800 --motions",
     )
 

@@ -1,4 +1,4 @@
-"""A firmware that repeats itself: it has a core of its own, and its clock goes on only once it has come to rest.
+"""A deterministic firmware: it has a core of its own, and its clock goes on only once it has come to rest.
 
 PX4 runs many threads, of which the scheduler decides which one is next. They have real-time priorities (SCHED_FIFO,
 where the user may give them), so that one core runs them in one order; and a process of priority idle on the same core

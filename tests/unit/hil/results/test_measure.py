@@ -14,6 +14,19 @@ LIST = Experiment("flights", "runs of a folder", ("scenarios --json", "scenarios
 runner = CliRunner()
 
 
+@pytest.fixture
+def asked(monkeypatch):
+    """The arguments of every command that is asked for; each prints an empty list."""
+    found = []
+
+    def run(words, **_):
+        found.append(words[3:])
+        return SimpleNamespace(returncode=0, stdout="[]")
+
+    monkeypatch.setattr("hil.results.measure.subprocess.run", run)
+    return found
+
+
 def test_data_is_kept_with_its_commands_code_and_networks(tmp_path):
     assert not is_measured(LIST, tmp_path)
     measure(LIST, tmp_path, tmp_path / "runs", {"commit": "abc"})
@@ -34,28 +47,14 @@ def test_other_commands_or_networks_are_measured_again(change, tmp_path):
     assert not is_measured(LIST, tmp_path)
 
 
-def test_commands_that_fly_are_flown_on_the_cluster_and_kept_as_the_same_commands(tmp_path, monkeypatch):
-    asked = []
-
-    def run(words, **_):
-        asked.append(words[3:])
-        return SimpleNamespace(returncode=0, stdout="[]")
-
-    monkeypatch.setattr("hil.results.measure.subprocess.run", run)
+def test_commands_that_fly_are_flown_on_the_cluster_and_kept_as_the_same_commands(tmp_path, asked):
     both = Experiment("both", "", ("campaign hard-i", "policy evaluate state --json", "runs {runs} --json"))
     measure(both, tmp_path, tmp_path / "runs", {}, "host:1")
     assert [words[-2:] == ["--cluster", "host:1"] for words in asked] == [True, True, False]
     assert is_measured(both, tmp_path)
 
 
-def test_training_that_was_stopped_goes_on(tmp_path, monkeypatch):
-    asked = []
-
-    def run(words, **_):
-        asked.append(words[3:])
-        return SimpleNamespace(returncode=0, stdout="[]")
-
-    monkeypatch.setattr("hil.results.measure.subprocess.run", run)
+def test_training_that_was_stopped_goes_on(tmp_path, asked):
     net = Experiment("net", "", ("policy train --out {runs}", "policy evaluate {runs}/policy.onnx --json"))
     measure(net, tmp_path, tmp_path / "runs", {})
     (tmp_path / "runs" / "net").mkdir(parents=True)
