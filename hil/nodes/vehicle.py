@@ -19,6 +19,7 @@ from hil.contract.messages import (
 from hil.contract.node import Inbox, Node, Out
 from hil.nodes.external_pose import ExternalPoses
 from hil.safety.dive import SILENCE_NS, diving
+from hil.safety.floor import DOWN_NS, FloorWatch
 from hil.safety.magnet import MagnetCheck
 from hil.safety.vehicle_gate import VehicleGate
 from hil.scoring.verdict import NOT_HELD
@@ -30,6 +31,7 @@ from vehicle.px4.driver.types import ExternalPose, LinkOutput, Rates
 
 STATUS_PERIOD_NS = 100_000_000
 GROUND_PHASES = (*BEFORE_FLIGHT, "arm")
+_LANDS = ("released", "failed")  # phases in which the autopilot has to land it, and no pilot flies
 _FRESH_NS, _AGREES_NS = 300_000_000, 300_000_000
 _DIFFERS_NS = 20_000_000_000  # an estimator takes seconds to align with the poses that it is given
 
@@ -58,7 +60,7 @@ class VehicleLink(Node):
     """Driver and gate in one node: nothing comes between the last check and the wire."""
 
     name = "vehicle_link"
-    inputs = ("policy/action", "referee/contact", "belief")
+    inputs = ("policy/action", "referee/contact", "belief", "mocap/vehicle")
     outputs = ("vehicle/odometry", "vehicle/status", "vehicle/sent", "vehicle/parameters", "event")
     wakes = ("policy/action",)
     period_ns = 2_000_000
@@ -81,8 +83,6 @@ class VehicleLink(Node):
         self._poses = ExternalPoses(gate.most_speed) if external_pose else None
         self._virtual_board = virtual_board
         self._reach, self._agrees, self._differs = mocap_reach, Lasting(_AGREES_NS), Lasting(_DIFFERS_NS)
-        if external_pose or mocap_reach is not None:
-            self.inputs = (*VehicleLink.inputs, "mocap/vehicle")
         if stands_for_truth:
             self.outputs = (*VehicleLink.outputs, "truth/vehicle")
         self._odometry: VehicleState | None = None
@@ -94,6 +94,7 @@ class VehicleLink(Node):
         self._aborted = False
         self._arming: Arming | None = None  # the host's permission
         self._magnet: MagnetCheck | None = None  # from contact on
+        self._floor = FloorWatch()
 
     def permit(self, arming: Any) -> None:
         """A real vehicle is not armed before. Raises ValueError for a table that is not that of an `Arming`."""
@@ -121,10 +122,12 @@ class VehicleLink(Node):
         if tripped and self._link.phase == "handed_over":  # not from a pilot who has taken over
             self._link.release()
         silent = self._silent(now_ns, command is not None)
+        down = self._down(inbox.latest("mocap/vehicle"))
         pose, refused = self._poses.take(now_ns, inbox, self._link.armed) if self._poses else (None, "")
         output = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]
-        outs += [Out("event", Event(now_ns, "error", self.name, text)) for text in (lost, refused, silent) if text]
+        errors = (lost, refused, silent, down)
+        outs += [Out("event", Event(now_ns, "error", self.name, text)) for text in errors if text]
         if tripped:
             outs.append(Out("event", Event(now_ns, "error", "gate", f"gate tripped: {tripped}")))
         for sample in output.odometry:
@@ -191,6 +194,13 @@ class VehicleLink(Node):
             return ""
         self._link.release()
         return f"no command for {silent_ns * 1e-9:.2f} s in the dive: the vehicle is handed back"
+
+    def _down(self, seen: VehicleState | None) -> str:
+        """Stop the motors of a vehicle that was handed back and is on the floor; why, once."""
+        if self._link.phase not in _LANDS or not self._link.armed or not self._floor.add(seen):
+            return ""
+        self._link.kill()
+        return f"on the floor for {DOWN_NS * 1e-9:.0f} s, and not disarmed by the autopilot: the motors are stopped"
 
     def _checked(self, now_ns: int, action: Action | None) -> tuple[Rates | None, Sent | None, str]:
         """(what to send, its record, why the gate tripped just now)."""

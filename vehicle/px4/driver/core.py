@@ -11,7 +11,7 @@ from vehicle.px4.codec import Frame, Parser
 from vehicle.px4.driver.arming import Identity
 from vehicle.px4.driver.autopilot import Autopilot
 from vehicle.px4.driver.params import READ
-from vehicle.px4.driver.resets import note_of
+from vehicle.px4.driver.resets import ResetNotes
 from vehicle.px4.driver.send import ByteWire, Sender
 from vehicle.px4.driver.signing import is_signed
 from vehicle.px4.driver.types import ExternalPose, LinkConfig, LinkOutput, Note
@@ -40,6 +40,7 @@ class LinkCore:
         self._beat_ns = self._sync_ns = self._pose_ns = -SECOND
         self._odometry_count = 0
         self._notes: list[Note] = []
+        self._resets = ResetNotes()
         self._was = (False, False, 0)  # connected, failsafe, mode
         self._reported_signed = False
 
@@ -108,7 +109,7 @@ class LinkCore:
         autopilot.time.advance(now_ns)
         self._t = autopilot.time.ns
         self._odometry_count += len(autopilot.fresh)
-        self._notes += [note_of(reset, hovering=self.phase in _HOVERING) for reset in autopilot.resets]
+        self._notes += self._resets.take(now_ns, autopilot.resets, hovering=self.phase in _HOVERING)
         if autopilot.rebooted:
             self._note("error", "the autopilot has rebooted")
             if self.phase in BEFORE_FLIGHT:

@@ -8,10 +8,12 @@ what a policy flies on.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from vehicle.px4.driver.types import Note, Odometry, Quat
 
+_PAUSE_NS = 1_000_000_000  # between two texts
 _LONGEST_S = 0.1  # between two samples: longer, and the motion between them is not known
 
 
@@ -52,6 +54,44 @@ def note_of(reset: Reset | None, *, hovering: bool) -> Note:
     limits = FROM_THE_HOVER_ON if hovering else ON_THE_WAY
     matters = any(value > limit for value, limit in zip(reset, limits, strict=True))
     return Note("warning" if matters else "info", reset.text)
+
+
+class ResetNotes:
+    """The crew's texts of one flight.
+
+    An estimator without a sensor resets itself ten times a second: within a second of one that was told only those are
+    told that jumped twice as much; the next text counts the others."""
+
+    def __init__(self) -> None:
+        self._told: Reset | None = None
+        self._told_ns: int | None = None
+        self._untold = 0
+
+    def take(self, now_ns: int, resets: Sequence[Reset | None], *, hovering: bool) -> list[Note]:
+        """What is to be told of the newest resets; `hovering` as in `note_of`."""
+        notes = []
+        for reset in resets:
+            if self._told_ns is not None and now_ns - self._told_ns < _PAUSE_NS and not _larger(reset, self._told):
+                self._untold += 1
+                continue
+            note = note_of(reset, hovering=hovering)
+            if self._untold:
+                note = Note(note.severity, f"{note.text}; {self._untold} since the one before")
+            notes.append(note)
+            self._told, self._told_ns, self._untold = reset, now_ns, 0
+        return notes
+
+
+def _larger(reset: Reset | None, told: Reset | None) -> bool:
+    """Whether a reset is twice as much as `told`; one that could not be measured is more than any other."""
+    if reset is None or told is None:
+        return told is not None
+    return _much(reset) > 2.0 * _much(told)
+
+
+def _much(reset: Reset) -> float:
+    """How far it lies beyond what is harmless: 1 is harmless yet."""
+    return max(value / limit for value, limit in zip(reset, FROM_THE_HOVER_ON, strict=True))
 
 
 def _angle(a: Quat, b: Quat) -> float:

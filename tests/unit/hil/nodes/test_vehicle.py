@@ -239,9 +239,30 @@ def test_motion_capture_is_sent_to_the_autopilot_when_the_rig_enables_it():
     rig.step(NOW, SEEN)
     assert rig.link.poses[-1] == ExternalPose(NOW - 5 * MS, (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
     rig = Rig()
-    assert "mocap/vehicle" not in rig.node.inputs
-    rig.step(NOW)
+    rig.step(NOW, SEEN)
     assert rig.link.poses[-1] is None
+
+
+@pytest.mark.parametrize(
+    ("phase", "armed", "calls"),
+    [
+        ("released", True, ["kill"]),
+        ("failed", True, ["kill"]),
+        ("released", False, []),
+        ("interrupted", True, []),  # a pilot may fly it
+        ("hover", True, []),
+    ],
+)
+def test_motors_of_a_vehicle_that_was_handed_back_and_is_on_the_floor_are_stopped(phase, armed, calls):
+    rig, texts = Rig(), []
+    rig.link.phase, rig.link.armed = phase, armed
+    for t in range(0, 6_000, 10):
+        seen = replace(SEEN[1], stamp_ns=NOW + t * MS, position=(1.0, 2.0, 0.1 + 1e-5 * (t % 30)))
+        texts += [e.text for e in rig.step(NOW + t * MS, ("mocap/vehicle", seen))["event"]]
+        if rig.link.calls:
+            break
+    told = ["on the floor for 5 s, and not disarmed by the autopilot: the motors are stopped"]
+    assert (rig.link.calls, texts) == (calls, told * len(calls))
 
 
 def test_vehicle_node_passes_the_conditions_for_arming_to_the_driver():

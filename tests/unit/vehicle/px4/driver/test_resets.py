@@ -7,7 +7,7 @@ import pytest
 from kernel.rotations import from_euler
 from tests.unit.vehicle.px4.driver.driver_bench import Bench
 from vehicle.px4.codec import Packer, Parser
-from vehicle.px4.driver.resets import note_of, reset_between
+from vehicle.px4.driver.resets import Reset, ResetNotes, note_of, reset_between
 from vehicle.px4.driver.types import Note, Odometry
 
 MS = 1_000_000
@@ -65,6 +65,29 @@ def test_reset_of_a_real_px4s_heading_after_its_take_off_is_an_information():
 def test_reset_while_no_odometry_came_cannot_be_measured_and_is_a_warning():
     assert reset_between(sample(0), sample(110)) is None
     assert note_of(None, hovering=False).severity == "warning"
+
+
+def told(*timed):
+    """The texts of resets at times in ms."""
+    notes = ResetNotes()
+    return [note.text for ms, reset in timed for note in notes.take(ms * MS, [reset], hovering=True)]
+
+
+def test_resets_that_repeat_are_told_once_a_second_and_counted():
+    reset = Reset(0.2, 0.4, 0.0)
+    texts = told(*((ms, reset) for ms in range(0, 3_000, 100)))
+    more = f"{reset.text}; 9 since the one before"
+    assert texts == [reset.text, more, more]
+
+
+def test_much_larger_reset_is_told_at_once():
+    small, alike, turned = Reset(0.2, 0.4, 0.0), Reset(0.3, 0.4, 0.0), Reset(0.1, 0.1, 0.4)
+    assert told((0, small), (100, alike), (200, turned)) == [small.text, f"{turned.text}; 1 since the one before"]
+
+
+def test_reset_that_cannot_be_measured_is_told_at_once_and_once():
+    texts = told((0, Reset(9.0, 9.0, 0.0)), (100, None), (200, None), (300, Reset(9.0, 9.0, 0.0)))
+    assert len(texts) == 2 and "no odometry came" in texts[1]
 
 
 class Jump:
