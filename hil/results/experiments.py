@@ -14,45 +14,51 @@ class Experiment:
     """`commands`: arguments of `perch-hil`; {results} stands for the data's folder, {runs} for that of its flights or
     of its training.
 
-    `keep`: where the data is a list of rows, the fields that are kept; empty: all.
+    `networks`: files of policies/checkpoints that it flies or learns from: another one asks for new data. `keep`: where
+    the data is a list of rows, the fields that are kept; empty: all.
     """
 
     name: str
     text: str
+    networks: tuple[str, ...]
     commands: tuple[str, ...]
     keep: tuple[str, ...] = ()
 
 
-def _flights(name: str, text: str, arguments: str) -> Experiment:
+VISION, STATE, PREDICTOR, PARENT = "vision.onnx", "state.onnx", "predictor.npz", "plain/state.onnx"
+
+
+def _flights(name: str, text: str, networks: tuple[str, ...], arguments: str) -> Experiment:
     campaign = f"campaign {arguments} --pictures none --out {{runs}}"
-    return Experiment(name, text, (campaign, "runs {runs} --json"), FLIGHTS)
+    return Experiment(name, text, networks, (campaign, "runs {runs} --json"), FLIGHTS)
 
 
-def _network(name: str, text: str, training: str, evaluation: str) -> Experiment:
+def _network(name: str, text: str, teachers: tuple[str, ...], training: str, evaluation: str) -> Experiment:
     """A network that is trained for this experiment, and evaluated."""
     evaluate = f"policy evaluate {{runs}}/policy.onnx {evaluation} --json"
-    return Experiment(name, text, (f"policy train {training} --out {{runs}}", evaluate))
+    return Experiment(name, text, teachers, (f"policy train {training} --out {{runs}}", evaluate))
 
 
-_STATE = (
+_BY_STATE = (
     "--stage state --set budget=0.15 --set env.count=4096 --set env.speed=[0.0,2.5] "
     "--set env.oscillating=0.0 --set env.hard_examples=0.0"  # or steep splines would be among a family's boards
 )
 LEARNED = {
-    "perchrl": ("PerchRL", _STATE),
-    "perchrl-without-ta": ("PerchRL w/o TA", f"{_STATE} --set network.temporal=false"),
-    "incline-lander": ("InclineLander", "--recipe incline-lander --set budget=0.195"),
+    "perchrl": ("PerchRL", (VISION,), _BY_STATE),
+    "perchrl-without-ta": ("PerchRL w/o TA", (VISION,), f"{_BY_STATE} --set network.temporal=false"),
+    "incline-lander": ("InclineLander", (), "--recipe incline-lander --set budget=0.195"),
 }
-"""What learns, with 7.8 million samples -> what it is called, and how it is trained."""
+"""What learns, with 7.8 million samples -> what it is called, its teachers, and how it is trained."""
 
 
 def _of_family(method: str, family: str) -> Experiment:
     """The paper's figure of trajectories: a network of its own for each."""
-    title, training = LEARNED[method]
+    title, teachers, training = LEARNED[method]
     odds = ",".join(str(float(k == MOTIONS[family])) for k in range(6))
     return _network(
         f"{method}-{family}",
         f"{title}, trained on {family} only: its motions",
+        teachers,
         f"{training} --set env.families=[{odds}]",
         "--episodes 800 --motions",
     )
@@ -70,49 +76,59 @@ ABLATIONS = {
 
 def _ablation(variant: str) -> Experiment:
     title, changes = ABLATIONS[variant]
-    parent = "--parent policies/checkpoints/plain/state.onnx"
+    parent = f"--parent policies/checkpoints/{PARENT}"
     train = f"policy train --recipe ablation --stage vision {parent} {changes} --out {{runs}} --json"
-    return Experiment(f"ablation-{variant}", f"vision ablation, {title}: its curve", (train,))
+    return Experiment(f"ablation-{variant}", f"vision ablation, {title}: its curve", (PARENT,), (train,))
 
 
 EXPERIMENTS = (
     Experiment(
         "vision-published",
         "vision on the published noise: points, motions, map",
+        (VISION,),
         ("policy evaluate vision --motions --heatmap {results}/vision-map.svg --json",),
     ),
     Experiment(
         "vision-measured",
         "vision on the measured noise: points, other vehicles and cameras",
+        (VISION,),
         ("policy evaluate vision --noise measured --robust --json",),
     ),
     Experiment(
         "state",
         "state, told where the board is: points, motions, other vehicles, map",
+        (STATE,),
         ("policy evaluate state --motions --robust --heatmap {results}/state-map.svg --json",),
     ),
     Experiment(
         "planner-published",
         "planner on the published noise: points, motions",
+        (PREDICTOR,),
         ("policy evaluate planner --motions --json",),
     ),
     Experiment(
-        "planner-measured", "planner on the measured noise", ("policy evaluate planner --noise measured --json",)
+        "planner-measured",
+        "planner on the measured noise",
+        (PREDICTOR,),
+        ("policy evaluate planner --noise measured --json",),
     ),
     Experiment(
         "fast-perching",
         "Fast-Perching, told where the board is: points, motions",
+        (),
         ("policy evaluate fast-perching --episodes 200 --motions --json",),
     ),
     Experiment(
         "fast-perching-ctrv",
         "Fast-Perching that keeps the board's turn rate: points, motions",
+        (),
         ("policy evaluate fast-perching-ctrv --episodes 200 --motions --json",),
     ),
-    _flights("scenarios-pictures", "six scenarios with pictures", "--policy vision --seeds 9300..9339"),
+    _flights("scenarios-pictures", "six scenarios with pictures", (VISION,), "--policy vision --seeds 9300..9339"),
     _flights(
         "scenarios-published",
         "six scenarios on the published noise",
+        (PREDICTOR, VISION),
         "--policy vision --policy planner --camera model --seeds 9300..9319",
     ),
     *(_of_family(method, family) for method in LEARNED for family in MOTIONS),
@@ -120,6 +136,7 @@ EXPERIMENTS = (
     _network(
         "vision-to-2.5",
         "the recipe `vision` on the paper's range of speeds, to 2.5 m/s: points",
+        (VISION,),
         "--stage vision --set env.speed=[0.0,2.5] --set env.oscillating=0.0 --set env.hard_examples=0.0",
         "",
     ),

@@ -22,10 +22,9 @@ class MeasureError(RuntimeError):
     """A command of an experiment did not end well; the message names it and its exit code."""
 
 
-def files() -> dict[str, str]:
-    """sha256 of every network of the paper's quadrotor, which the experiments fly, by file name."""
-    found = sorted(path for path in CHECKPOINTS.iterdir() if path.is_file())
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
+def files(experiment: Experiment) -> dict[str, str]:
+    """sha256 of every shipped network that it flies or learns from, by its place in policies/checkpoints."""
+    return {name: hashlib.sha256((CHECKPOINTS / name).read_bytes()).hexdigest() for name in experiment.networks}
 
 
 def data_file(experiment: Experiment, results: Path) -> Path:
@@ -45,7 +44,7 @@ def kept(experiment: Experiment, results: Path) -> dict[str, Any] | None:
 def is_measured(experiment: Experiment, results: Path) -> bool:
     """True if its data was made by the same commands with the networks that ship now."""
     found = kept(experiment, results)
-    return found is not None and (found["commands"], found["files"]) == (list(experiment.commands), files())
+    return found is not None and (found["commands"], found["files"]) == (list(experiment.commands), files(experiment))
 
 
 def measure(
@@ -77,5 +76,5 @@ def measure(
         raise MeasureError(f"perch-hil {experiment.commands[-1]}: printed no JSON") from None
     if experiment.keep:
         data = [{field: row[field] for field in experiment.keep} for row in data]
-    made = {"commands": list(experiment.commands), "code": code, "files": files(), "data": data}
+    made = {"commands": list(experiment.commands), "code": code, "files": files(experiment), "data": data}
     write_json(data_file(experiment, results), made)

@@ -120,7 +120,7 @@ def _trajectories(data: Data) -> str:
             ]
             rows.append((case, *("-" if row is None else _rate(row) for row in found)))
     names = {f"{method}-{family}": "" for method in LEARNED for family in MOTIONS}
-    return _markdown(("", *(title for title, _ in LEARNED.values())), rows) + _missing(data, names)
+    return _markdown(("", *(title for title, *_ in LEARNED.values())), rows) + _missing(data, names)
 
 
 def _ablations(data: Data) -> str:

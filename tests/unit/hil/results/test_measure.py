@@ -10,7 +10,9 @@ from hil.cli.main import app
 from hil.results.experiments import Experiment
 from hil.results.measure import MeasureError, is_measured, kept, measure
 
-LIST = Experiment("flights", "runs of a folder", ("scenarios --json", "scenarios --json"), keep=("name",))
+LIST = Experiment(
+    "flights", "runs of a folder", ("vision.onnx",), ("scenarios --json", "scenarios --json"), keep=("name",)
+)
 runner = CliRunner()
 
 
@@ -32,10 +34,7 @@ def test_data_is_kept_with_its_commands_code_and_networks(tmp_path):
     measure(LIST, tmp_path, tmp_path / "runs", {"commit": "abc"})
     found = kept(LIST, tmp_path)
     assert {"name": "hard-i"} in found["data"]
-    assert (found["code"], sorted(found["files"])) == (
-        {"commit": "abc"},
-        ["predictor.npz", "state.onnx", "vision.onnx"],
-    )
+    assert (found["code"], list(found["files"])) == ({"commit": "abc"}, ["vision.onnx"])
     assert is_measured(LIST, tmp_path)
 
 
@@ -48,14 +47,14 @@ def test_other_commands_or_networks_are_measured_again(change, tmp_path):
 
 
 def test_commands_that_fly_are_flown_on_the_cluster_and_kept_as_the_same_commands(tmp_path, asked):
-    both = Experiment("both", "", ("campaign hard-i", "policy evaluate state --json", "runs {runs} --json"))
+    both = Experiment("both", "", (), ("campaign hard-i", "policy evaluate state --json", "runs {runs} --json"))
     measure(both, tmp_path, tmp_path / "runs", {}, "host:1")
     assert [words[-2:] == ["--cluster", "host:1"] for words in asked] == [True, True, False]
     assert is_measured(both, tmp_path)
 
 
 def test_training_that_was_stopped_goes_on(tmp_path, asked):
-    net = Experiment("net", "", ("policy train --out {runs}", "policy evaluate {runs}/policy.onnx --json"))
+    net = Experiment("net", "", (), ("policy train --out {runs}", "policy evaluate {runs}/policy.onnx --json"))
     measure(net, tmp_path, tmp_path / "runs", {})
     (tmp_path / "runs" / "net").mkdir(parents=True)
     (tmp_path / "runs" / "net" / "checkpoint.pt").touch()
@@ -64,7 +63,7 @@ def test_training_that_was_stopped_goes_on(tmp_path, asked):
 
 
 def test_command_that_fails_is_named_and_leaves_no_data(tmp_path):
-    wrong = Experiment("wrong", "", ("policy evaluate magic --json",))
+    wrong = Experiment("wrong", "", (), ("policy evaluate magic --json",))
     with pytest.raises(MeasureError, match="policy evaluate magic --json: exit code 2"):
         measure(wrong, tmp_path, tmp_path / "runs", {})
     assert kept(wrong, tmp_path) is None

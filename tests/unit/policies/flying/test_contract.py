@@ -95,6 +95,11 @@ def test_shipped_network_matches_its_airframe(name):
     check_contract(open_policy(policy_file(name)).contract, airframe=made_for(name))
 
 
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_network_is_flown_with_guidance(name):
+    assert open_policy(policy_file(name)).contract.guidance
+
+
 PAPER_CAMERA = CameraContract.of(PAPER)
 SMALL = {"width": 320, "height": 240, "fx": 300.0, "fy": 300.0, "cx": 159.5, "cy": 119.5}
 
