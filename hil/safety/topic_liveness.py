@@ -34,9 +34,9 @@ def liveness_fault(
     very_late = max(late.values(), default=0.0) > AGE_LIMIT_S + 1.0
     if (stale or very_late) and len(late) == len(ages) > 1:
         return f"hub does not answer: no service was received for {min(ages.values()):.1f} s"
-    if late and (stale or very_late):
-        service = max(late, key=lambda name: late[name])
-        return f"{service} does not answer: no health for {late[service]:.1f} s"
+    if late and (stale or very_late):  # all of them: one that hangs on a busy core can keep others from answering
+        worst = sorted(late, key=lambda name: -late[name])
+        return "; ".join(f"{service} does not answer: no health for {late[service]:.1f} s" for service in worst)
     if recorder_s > RECORDER_AGE_S:
         return f"recorder does not answer: no health for {recorder_s:.1f} s"
     for topic, age in stale.items():

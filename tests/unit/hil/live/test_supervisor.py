@@ -124,6 +124,14 @@ def test_service_without_health_is_reported_before_the_services_that_wait_for_it
     assert run.trouble().startswith("camera does not answer: no health for 1.3")
 
 
+def test_all_services_without_health_are_reported_the_longest_first(tmp_path):
+    """One that hangs on a busy core keeps others from answering."""
+    run = Run(tmp_path, brain=0.2, camera=1.1, detector=1.3, mocap=0.3)
+    run.topic("belief", 1.1)
+    named = "detector does not answer: no health for 1.3 s; camera does not answer: no health for 1.1 s"
+    assert run.trouble().startswith(named)
+
+
 def test_service_without_topics_is_supervised_by_its_health(tmp_path):
     assert Run(tmp_path, brain=0.2, mocap=2.2).trouble().startswith("mocap does not answer")
     assert Run(tmp_path, brain=0.2, mocap=1.5).trouble() == ""
