@@ -59,11 +59,13 @@ def note_of(reset: Reset | None, *, hovering: bool) -> Note:
 class ResetNotes:
     """The crew's texts of one flight.
 
-    An estimator without a sensor resets itself ten times a second: within a second of one that was told only those are
-    told that jumped twice as much; the next text counts the others."""
+    An estimator without a sensor resets itself ten times a second. Within a second of one that was told only those are
+    told that jumped twice as much, or that are a warning where it was none; the next text counts the others.
+    """
 
     def __init__(self) -> None:
         self._told: Reset | None = None
+        self._warned = False  # what was told last was a warning
         self._told_ns: int | None = None
         self._untold = 0
 
@@ -71,14 +73,16 @@ class ResetNotes:
         """What is to be told of the newest resets; `hovering` as in `note_of`."""
         notes = []
         for reset in resets:
-            if self._told_ns is not None and now_ns - self._told_ns < _PAUSE_NS and not _larger(reset, self._told):
+            note = note_of(reset, hovering=hovering)
+            warns = note.severity == "warning"
+            more = _larger(reset, self._told) or (warns and not self._warned)
+            if self._told_ns is not None and now_ns - self._told_ns < _PAUSE_NS and not more:
                 self._untold += 1
                 continue
-            note = note_of(reset, hovering=hovering)
             if self._untold:
                 note = Note(note.severity, f"{note.text}; {self._untold} since the one before")
             notes.append(note)
-            self._told, self._told_ns, self._untold = reset, now_ns, 0
+            self._told, self._warned, self._told_ns, self._untold = reset, warns, now_ns, 0
         return notes
 
 

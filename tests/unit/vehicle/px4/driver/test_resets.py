@@ -85,6 +85,12 @@ def test_much_larger_reset_is_told_at_once():
     assert told((0, small), (100, alike), (200, turned)) == [small.text, f"{turned.text}; 1 since the one before"]
 
 
+def test_reset_that_is_a_warning_is_told_at_once_after_one_that_was_none():
+    notes, reset = ResetNotes(), Reset(0.2, 0.4, 0.0)
+    given = [notes.take(ms * MS, [reset], hovering=hovering) for ms, hovering in ((0, False), (100, True), (200, True))]
+    assert [[note.severity for note in each] for each in given] == [["info"], ["warning"], []]
+
+
 def test_reset_that_cannot_be_measured_is_told_at_once_and_once():
     texts = told((0, Reset(9.0, 9.0, 0.0)), (100, None), (200, None), (300, Reset(9.0, 9.0, 0.0)))
     assert len(texts) == 2 and "no odometry came" in texts[1]
