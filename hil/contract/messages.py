@@ -49,6 +49,11 @@ class VehicleStatus:
     hover_thrust: Annotated[float, "1, normalised 0..1, learned in hover; 0 while unknown"]
     clock_offset_ns: Annotated[int, "ns, the autopilot's time less the run's clock, by TIMESYNC; 0 while unknown"] = 0
 
+    @property
+    def given_up(self) -> bool:
+        """Whether the policy flies it no more: it brakes, or its autopilot or a pilot has it."""
+        return self.phase in ("brake", "released", "interrupted", "failed")
+
 
 @dataclass(frozen=True, slots=True)
 class VehicleParameters:

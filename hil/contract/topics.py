@@ -43,7 +43,7 @@ TOPICS: dict[str, Topic] = {
     "car/reference": Topic(m.CarReference, 50, 100, True, ("car_follower",), ()),
     "car/command": Topic(m.CarCommand, 50, 100, True, ("car_follower",), ("car_link",)),
     "car/sent": Topic(m.CarCommand, 0, 0, True, ("car_link",), ()),
-    "car/feedback": Topic(m.CarFeedback, 50, 100, True, ("car_link",), ("mocap",)),
+    "car/feedback": Topic(m.CarFeedback, 50, 100, True, ("car_link",), ("mocap", "car_follower")),
     "vehicle/odometry": Topic(m.VehicleState, 100, 50, True, ("vehicle_link",), ("detector", "belief", "policy")),
     "vehicle/status": Topic(m.VehicleStatus, 10, 500, True, ("vehicle_link",), EVERYONE),
     "vehicle/parameters": Topic(m.VehicleParameters, 0, 0, True, ("vehicle_link",), ()),

@@ -14,13 +14,13 @@ from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import ScoutLink, WrongProtocolError
 from groundcar.scout.follower import Follower, RecordedFollower
 from groundcar.scout.sim import ScoutSim
-from hil.contract.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage
+from hil.contract.messages import BoardState, CarCommand, CarFeedback, CarReference, Event, Stage, VehicleStatus
 from hil.contract.node import Inbox, Node, Out
 from hil.safety.car_gate import CarGate
 from hil.safety.limits import CarGateLimits
 from kernel.clip import usable
 from kernel.stamps import later_than_now
-from vehicle.mocap.continuity import Continuity
+from vehicle.mocap.continuity import Continuity, Repetition
 
 CONTROL_PERIOD_NS = 20_000_000  # the car is commanded at 50 Hz
 _BRAKING = 1.5  # m/s^2, to rest after the run, with a vehicle on the board
@@ -31,18 +31,20 @@ _FASTEST = CarGateLimits().measured_speed  # m/s, that no car reaches
 
 class CarFollower(Node):
     """Drives the car along the scenario's motion, by motion capture, once the director starts it; brings it to rest
-    when the run has ended. Once it is under way, a pose that has jumped does not drive it until it has jumped back."""
+    when the run has ended or the vehicle has been given up: one that lands beside the board must not be met by it.
+    Once the car is under way, it is not driven by a pose that has jumped, until it has jumped back, nor by one that
+    comes again and again while the wheels turn."""
 
     name = "car_follower"
-    inputs = ("mocap/board", "run/stage")
+    inputs = ("mocap/board", "run/stage", "car/feedback", "vehicle/status")
     outputs = ("car/reference", "car/command", "event")
     period_ns = CONTROL_PERIOD_NS
 
     def __init__(self, follower: Follower | RecordedFollower) -> None:
-        self._follower, self._continuity = follower, Continuity(_FASTEST)
+        self._follower, self._continuity, self._repetition = follower, Continuity(_FASTEST), Repetition()
         self._asked = (0.0, 0.0)
         self._refused = 0
-        self._jump_told = False
+        self._told: set[str] = set()
 
     @property
     def counters(self) -> dict[str, int]:
@@ -51,7 +53,8 @@ class CarFollower(Node):
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         board: BoardState | None = inbox.latest("mocap/board")
         stage: Stage | None = inbox.latest("run/stage")
-        if stage is not None and stage.name == "ended":
+        vehicle: VehicleStatus | None = inbox.latest("vehicle/status")
+        if (stage is not None and stage.name == "ended") or (vehicle is not None and vehicle.given_up):
             return [self._command(now_ns, *self._slower())]
         if board is None or stage is None:
             return []
@@ -65,8 +68,11 @@ class CarFollower(Node):
             self._continuity.reset()
         jump = self._continuity.add(board.stamp_ns, board.position)
         if jump:
-            self._refused += 1
-            return self._told(now_ns, jump)
+            return self._refuse(now_ns, "jump", f"has jumped by {jump:.2f} m", "it has jumped back")
+        wheels: CarFeedback | None = inbox.latest("car/feedback")
+        turning = wheels is not None and abs(wheels.speed) > _STANDING
+        if self._repetition.add(board.stamp_ns, board.position, turning):
+            return self._refuse(now_ns, "repetition", "does not change while the car's wheels turn", "it changes")
         reference, command = self._follower.step(
             now_ns, x, y, board.heading, board.speed, board.turn_rate, board.stamp_ns
         )
@@ -75,12 +81,13 @@ class CarFollower(Node):
             self._command(command.stamp_ns, command.speed, command.turn_rate),
         ]
 
-    def _told(self, now_ns: int, jump: float) -> list[Out]:
-        """The event for the first pose that is not followed after a jump of `jump` m."""
-        if self._jump_told:
+    def _refuse(self, now_ns: int, kind: str, what: str, until: str) -> list[Out]:
+        """The event for the first pose that is not followed, of each kind."""
+        self._refused += 1
+        if kind in self._told:
             return []
-        self._jump_told = True
-        text = f"the board's pose has jumped by {jump:.2f} m: the car is not driven by it until it has jumped back"
+        self._told.add(kind)
+        text = f"the board's pose {what}: the car is not driven by it until {until}"
         return [Out("event", Event(now_ns, "error", self.name, text))]
 
     def _command(self, stamp_ns: int, speed: float, turn_rate: float) -> Out:

@@ -6,17 +6,18 @@ from hil.contract.messages import VehicleState
 from hil.contract.node import Inbox
 from kernel.clip import usable
 from kernel.stamps import later_than_now
-from vehicle.mocap.continuity import Continuity
+from vehicle.mocap.continuity import Continuity, Repetition
 from vehicle.px4.driver.types import ExternalPose
 
 
 class ExternalPoses:
     """Passes a pose on unless it cannot be the vehicle's: not finite, stamped later than now, or, in flight, off by a
-    jump. Without poses the autopilot knows that it does not know where it is; with wrong ones it flies by them."""
+    jump or equal to those before it. Without poses the autopilot knows that it does not know where it is; with wrong
+    ones it flies by them."""
 
     def __init__(self, speed: float) -> None:
         """`speed`: m/s that the vehicle does not reach."""
-        self._continuity = Continuity(speed)
+        self._continuity, self._repetition = Continuity(speed), Repetition()
         self._told: set[str] = set()
         self.refused = 0
 
@@ -40,4 +41,7 @@ class ExternalPoses:
             return "not finite"
         if not armed:  # it is carried, and its markers are assigned anew
             self._continuity.reset()
-        return "it has jumped" if self._continuity.add(seen.stamp_ns, seen.position) else ""
+        if self._continuity.add(seen.stamp_ns, seen.position):
+            return "it has jumped"
+        repeats = self._repetition.add(seen.stamp_ns, seen.position, armed)
+        return "it does not change, to the last bit" if repeats else ""

@@ -94,7 +94,7 @@ class VehicleLink(Node):
         self._aborted = False
         self._arming: Arming | None = None  # the host's permission
         self._magnet: MagnetCheck | None = None  # from contact on
-        self._floor = FloorWatch()
+        self._floor = None if stands_for_truth else FloorWatch()  # of the autopilot it would learn nothing new
 
     def permit(self, arming: Any) -> None:
         """A real vehicle is not armed before. Raises ValueError for a table that is not that of an `Arming`."""
@@ -197,7 +197,7 @@ class VehicleLink(Node):
 
     def _down(self, seen: VehicleState | None) -> str:
         """Stop the motors of a vehicle that was handed back and is on the floor; why, once."""
-        if self._link.phase not in _LANDS or not self._link.armed or not self._floor.add(seen):
+        if self._floor is None or self._link.phase not in _LANDS or not self._link.armed or not self._floor.add(seen):
             return ""
         self._link.kill()
         return f"on the floor for {DOWN_NS * 1e-9:.0f} s, and not disarmed by the autopilot: the motors are stopped"

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from hil.contract.messages import VehicleState
 
-DOWN_NS = 5_000_000_000  # a landing takes half a second from there, and PX4 disarms after 2 s more (COM_DISARM_LAND)
+# PX4 needs 3 s from there to disarm, 1 m of drift of its estimate 1.5 s more (MPC_LAND_SPEED, COM_DISARM_LAND)
+DOWN_NS = 8_000_000_000
 _HEIGHT = 0.4  # m above the floor, of the body's origin: less than a board's
 _GAP_NS = 500_000_000  # between two samples
 
@@ -21,7 +22,7 @@ class FloorWatch:
         self._since_ns = 0  # stamp from which on it has been down
 
     def add(self, seen: VehicleState | None) -> bool:
-        """Whether it has been down for 5 s; `seen`: the newest sample of motion capture (floor: z = 0)."""
+        """Whether it has been down for 8 s; `seen`: the newest sample of motion capture (floor: z = 0)."""
         before = self._newest
         if seen is None or (before is not None and seen.stamp_ns <= before.stamp_ns):
             return False

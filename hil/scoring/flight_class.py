@@ -21,7 +21,6 @@ FENCE_MARGIN = 5.0  # m
 GROUND_SPEED = 2.0  # m/s
 BOARD_SPEED = 2.0  # m/s
 LAND_LIMIT_S = 60.0
-_GIVEN_UP = ("brake", "released", "interrupted", "failed")  # phases of the driver
 _ON_BOARD = 0.45  # m, from the board's centre
 _ON_GROUND = 0.3  # m above the start, and m/s
 _NEAR_BOARD = 0.9  # m
@@ -106,7 +105,7 @@ class FlightJudge:
     def _status(self, status: VehicleStatus) -> None:
         if self._contact is not None or self._stage == "ended":
             return
-        if status.phase in _GIVEN_UP:
+        if status.given_up:
             self._aborts["the vehicle's driver gave control up"] = None
         if status.failsafe:
             self._aborts["the autopilot's failsafe acted"] = None

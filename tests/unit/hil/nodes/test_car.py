@@ -10,7 +10,7 @@ from groundcar.scout.dead_reckoning import DeadReckoning
 from groundcar.scout.driver import Command, ScoutLink
 from groundcar.scout.follower import CarRef
 from groundcar.scout.sim import ScoutSim
-from hil.contract.messages import BoardState, CarCommand, Stage
+from hil.contract.messages import BoardState, CarCommand, CarFeedback, Stage, VehicleStatus
 from hil.contract.wire import CanFrame, memory_pair
 from hil.nodes.car import CONTROL_PERIOD_NS, CarFollower, CarLink
 from hil.safety.car_gate import CarGate
@@ -220,15 +220,16 @@ class Followed:
     def __init__(self):
         self.node, self.now, self.texts = CarFollower(FakeFollower()), S, []
 
-    def driven(self, seconds, x=0.0, start_ns=S):
+    def driven(self, seconds, x=0.0, start_ns=S, frozen=False, wheels=2.0):
         """For each period whether the car was commanded; `x`: m, the error of motion capture."""
         found = []
         for _ in range(round(seconds * S / CONTROL_PERIOD_NS)):
             self.now += CONTROL_PERIOD_NS
             topic, seen = board(self.now - 5 * MS, 2.0)
-            seen = replace(seen, position=(2.0 * self.now * 1e-9 + x, 0.0, 1.5))
+            seen = replace(seen, position=(x if frozen else 2.0 * self.now * 1e-9 + x, 0.0, 1.5))
             stage = ("run/stage", Stage(self.now, "attempt", start_ns, start_ns))
-            outs = self.node.step(self.now, filled(self.node, (topic, seen), stage))
+            feedback = ("car/feedback", CarFeedback(self.now, wheels, 0.0, "can", 26.0, "", 0))
+            outs = self.node.step(self.now, filled(self.node, (topic, seen), stage, feedback))
             found.append(any(out.topic == "car/command" for out in outs))
             self.texts += [out.message.text for out in outs if out.topic == "event"]
         return found
@@ -249,3 +250,29 @@ def test_follower_takes_another_place_of_the_board_before_the_car_sets_off():
     later = 10 * S
     assert all(car.driven(0.2, start_ns=0) + car.driven(0.2, x=4.0, start_ns=0) + car.driven(0.2, start_ns=later))
     assert car.texts == []
+
+
+def test_follower_does_not_drive_by_a_pose_that_repeats_while_the_wheels_turn():
+    car = Followed()
+    assert all(car.driven(1.0, x=2.0, frozen=True, wheels=0.0)), "it has not set off yet"
+    found = car.driven(1.0, x=2.0, frozen=True)
+    assert found == [k < found.index(False) for k in range(50)]
+    assert 9 <= found.index(False) <= 11, "0.2 s"
+    assert car.texts == [
+        "the board's pose does not change while the car's wheels turn: the car is not driven by it until it changes"
+    ]
+
+
+@pytest.mark.parametrize("phase", ["brake", "released", "interrupted", "failed"])
+def test_the_car_is_brought_to_rest_when_the_vehicle_has_been_given_up(phase):
+    node, speeds = CarFollower(FakeFollower()), []
+    for k in range(150):
+        now = S + k * CONTROL_PERIOD_NS
+        status = VehicleStatus(
+            now, True, True, False, False, "AUTO.LAND", phase if k >= 25 else "handed_over", 16.0, 0.4
+        )
+        stage = ("run/stage", Stage(now, "attempt", S, S))
+        outs = node.step(now, filled(node, board(now, 2.0), stage, ("vehicle/status", status)))
+        speeds += [out.message.speed for out in outs if out.topic == "car/command"]
+    assert speeds[:25] == [2.0] * 25
+    assert speeds[25:] == pytest.approx([max(0.0, 2.0 - 0.03 * k) for k in range(1, 126)])

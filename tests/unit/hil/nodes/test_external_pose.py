@@ -47,6 +47,18 @@ def test_jump_of_a_vehicle_that_is_not_armed_is_no_fault():
     assert given.pose(armed=True) is None
 
 
+def test_pose_that_repeats_in_flight_is_kept_back_until_it_changes():
+    given = Given()
+    frozen = {"position": (0.3, 0.0, 1.0)}
+    passed = [given.pose(**(frozen if 10 <= k < 50 else {})) is not None for k in range(60)]
+    assert passed == [not 30 <= k < 50 for k in range(60)], "0.2 s after it has come for the first time"
+    assert given.texts == [
+        "a pose of motion capture is not passed on to the autopilot: it does not change, to the last bit"
+    ]
+    given = Given()
+    assert all(given.pose(armed=False, **frozen) for _ in range(60))
+
+
 def test_each_reason_is_told_once():
     given = Given()
     given.pose()

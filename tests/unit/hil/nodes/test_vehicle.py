@@ -256,12 +256,12 @@ def test_motion_capture_is_sent_to_the_autopilot_when_the_rig_enables_it():
 def test_motors_of_a_vehicle_that_was_handed_back_and_is_on_the_floor_are_stopped(phase, armed, calls):
     rig, texts = Rig(), []
     rig.link.phase, rig.link.armed = phase, armed
-    for t in range(0, 6_000, 10):
+    for t in range(0, 9_000, 10):
         seen = replace(SEEN[1], stamp_ns=NOW + t * MS, position=(1.0, 2.0, 0.1 + 1e-5 * (t % 30)))
         texts += [e.text for e in rig.step(NOW + t * MS, ("mocap/vehicle", seen))["event"]]
         if rig.link.calls:
             break
-    told = ["on the floor for 5 s, and not disarmed by the autopilot: the motors are stopped"]
+    told = ["on the floor for 8 s, and not disarmed by the autopilot: the motors are stopped"]
     assert (rig.link.calls, texts) == (calls, told * len(calls))
 
 

@@ -3,7 +3,7 @@ import random
 
 import pytest
 
-from vehicle.mocap.continuity import JUMP, Continuity
+from vehicle.mocap.continuity import JUMP, Continuity, Repetition
 
 MS = 1_000_000
 
@@ -53,3 +53,37 @@ def test_pose_after_a_reset_is_taken_as_it_is():
     assert run(continuity, (0.0,) * 3, (5.0, 0.0, 0.0))[-1] == 5.0
     continuity.reset()
     assert run(continuity, (5.0, 0.0, 0.0), (5.0, 0.0, 0.0), begin_ns=20 * MS) == [0.0, 0.0]
+
+
+def test_body_may_have_moved_while_its_pose_repeated():
+    off = run(Continuity(3.5), *[(0.0, 0.0, 1.5)] * 50, (1.0, 0.0, 1.5), (1.02, 0.0, 1.5), (4.0, 0.0, 1.5))
+    assert off == pytest.approx([0.0] * 52 + [2.98])
+
+
+def repeats(*poses, every_ns=10 * MS):
+    """For each pose (position, whether the body moves), given twice, whether it is found to repeat."""
+    watch, found = Repetition(), []
+    for k, (x, moves) in enumerate(poses):
+        first, again = (watch.add(k * every_ns, (x, 0.0, 1.5), moves) for _ in range(2))
+        assert first == again, "the newest pose may be looked at more often than it comes"
+        found.append(first)
+    return found
+
+
+def test_pose_that_repeats_for_a_fifth_of_a_second_on_a_moving_body_is_found_until_it_changes():
+    assert repeats(*[(0.0, True)] * 30, (0.1, True), (0.2, True)) == [False] * 20 + [True] * 10 + [False] * 2
+
+
+def test_pose_of_a_body_at_rest_may_repeat_and_counts_from_when_it_sets_off():
+    assert repeats(*[(0.0, False)] * 100, *[(0.0, True)] * 21) == [False] * 119 + [True] * 2
+
+
+def test_measured_poses_never_repeat():
+    draws = random.Random(2)
+    assert not any(repeats(*[(draws.gauss(0.0, 1e-5), True) for _ in range(500)]))
+
+
+def test_pose_that_comes_no_more_does_not_repeat():
+    watch = Repetition()
+    watch.add(0, (0.0,) * 3, True)
+    assert not any(watch.add(10 * MS, (0.0,) * 3, True) for _ in range(1_000))
