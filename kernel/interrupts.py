@@ -1,4 +1,5 @@
-"""Ctrl-C at a time when it would be lost: while Numba compiles or loads a kernel, and while processes are started.
+"""Ctrl-C at a time when it would be lost: while Numba compiles or loads a kernel, in a destructor, and while processes
+are started.
 
 LLVM calls back into Python. An exception that a signal's handler raises in such a callback is printed and lost, or LLVM
 ends with an error of its own. So the signal is delivered between two compiler passes, or at the end of the work.
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any
@@ -59,6 +60,32 @@ def defer_interrupts() -> None:
     handler = _Handler()
     for kind in (_LOCK, _PASS):
         event.register(kind, handler)
+
+
+@contextmanager
+def interrupts_kept() -> Iterator[Callable[[], None]]:
+    """Yields what work calls now and then: it raises KeyboardInterrupt if one came within. One that is raised in a
+    destructor is printed and lost."""
+    handler: Any = signal.getsignal(signal.SIGINT)
+    came = False
+
+    def remember(number: int, frame: Any) -> None:
+        nonlocal came
+        came = True
+        handler(number, frame)
+
+    def again() -> None:
+        if came:
+            raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield again  # nothing comes
+        return
+    signal.signal(signal.SIGINT, remember)
+    try:
+        yield again
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 @contextmanager

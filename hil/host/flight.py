@@ -28,6 +28,7 @@ from hil.recording.runs import SCORE, Run, new_run, policy_identity
 from hil.scoring.flight_class import READ, FlightClass, FlightJudge
 from hil.scoring.score import ABORTED, SCORED, Score, Scorer
 from hil.wires import WireError
+from kernel.interrupts import interrupts_kept
 from policies.task.interface import FlyingPolicy
 from scenarios.draw import draw
 from scenarios.spec import Scenario
@@ -136,6 +137,7 @@ def fly(
         with (
             ReceiptBook(run.path / "receipts.mcap", simulation.nodes) as book,
             Recorder(run.recording, view=view) as recorder,
+            interrupts_kept() as interrupted,
         ):
             readers: list[tuple[Tap, Collection[str]]] = [
                 (recorder, TOPICS), (scorer, SCORED), (watch, WATCHED), (judge, READ), (landing, landing.topics),
@@ -150,6 +152,7 @@ def fly(
             run.begin(datetime.now(UTC))
 
             def over(now: int) -> bool:
+                interrupted()
                 before, done = landing.trouble, landing.over(now, watch.stage)
                 if landing.trouble != before:
                     tap(now, "event", Event(now, "warning", "supervisor", f"{ABORTED}{landing.trouble}"))

@@ -1,4 +1,5 @@
-"""Ctrl-C while a kernel is compiled or processes are started: it is delivered, and the work can be done again."""
+"""Ctrl-C while a kernel is compiled, in a destructor, or while processes are started: it is delivered, and the work can
+be done again."""
 
 import signal
 import subprocess
@@ -8,7 +9,7 @@ import threading
 import pytest
 from numba.core import event
 
-from kernel.interrupts import interrupts_blocked
+from kernel.interrupts import interrupts_blocked, interrupts_kept
 from kernel.jit import njit
 from tests.paths import ROOT
 
@@ -134,3 +135,36 @@ def test_an_interrupt_meanwhile_comes_afterwards(taken_by):
             take()
         reached.append("the end")
     assert reached == ["the end"]
+
+
+class InterruptedDestructor:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_interrupt_that_is_lost_in_a_destructor_is_raised_at_the_next_call():
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), interrupts_kept() as interrupted:
+        interrupted()
+        one = InterruptedDestructor()
+        del one
+        interrupted()
+        pytest.fail("the interrupt was lost")
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_interrupt_is_raised_at_once_where_nothing_loses_it():
+    with pytest.raises(KeyboardInterrupt), interrupts_kept():
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("the interrupt came late")
+
+
+def test_ignored_interrupt_stays_ignored():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with interrupts_kept() as interrupted:
+            signal.raise_signal(signal.SIGINT)
+            interrupted()
+    finally:
+        signal.signal(signal.SIGINT, before)
