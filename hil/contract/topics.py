@@ -38,7 +38,13 @@ TOPICS: dict[str, Topic] = {
     "truth/board": Topic(m.BoardState, 250, 20, True, ("car_device", "car_link"), _TRUTH),
     "mocap/vehicle": Topic(m.VehicleState, 100, 50, True, ("mocap",), ("referee", "vehicle_link", "director")),
     "mocap/board": Topic(
-        m.BoardState, 100, 50, True, ("mocap",), ("referee", "car_follower", "director"), on_mocap=("belief",)
+        m.BoardState,
+        100,
+        50,
+        True,
+        ("mocap",),
+        ("referee", "car_follower", "vehicle_link", "director"),
+        on_mocap=("belief",),
     ),
     "car/reference": Topic(m.CarReference, 50, 100, True, ("car_follower",), ()),
     "car/command": Topic(m.CarCommand, 50, 100, True, ("car_follower",), ("car_link",)),

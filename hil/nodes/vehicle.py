@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from hil.contract.messages import (
     Action,
     Belief,
+    BoardState,
     Contact,
     Event,
     Sent,
@@ -60,7 +61,7 @@ class VehicleLink(Node):
     """Driver and gate in one node: nothing comes between the last check and the wire."""
 
     name = "vehicle_link"
-    inputs = ("policy/action", "referee/contact", "belief", "mocap/vehicle")
+    inputs = ("policy/action", "referee/contact", "belief", "mocap/vehicle", "mocap/board")
     outputs = ("vehicle/odometry", "vehicle/status", "vehicle/sent", "vehicle/parameters", "event")
     wakes = ("policy/action",)
     period_ns = 2_000_000
@@ -87,6 +88,7 @@ class VehicleLink(Node):
             self.outputs = (*VehicleLink.outputs, "truth/vehicle")
         self._odometry: VehicleState | None = None
         self._board: Belief | None = None
+        self._seen: tuple[VehicleState | None, BoardState | None] = (None, None)  # by motion capture
         self._commanded_ns: int | None = None
         self._status_ns = -STATUS_PERIOD_NS
         self._phase = ""
@@ -118,11 +120,12 @@ class VehicleLink(Node):
         contact: Contact | None = inbox.latest("referee/contact")
         lost = self._end(now_ns, contact) if contact is not None and contact.outcome != "ongoing" else ""
         actions, self._board = inbox.new("policy/action"), inbox.latest("belief")
+        self._seen = inbox.latest("mocap/vehicle"), inbox.latest("mocap/board")
         command, sent, tripped = self._checked(now_ns, self._wanted(actions)) if actions else (None, None, "")
         if tripped and self._link.phase == "handed_over":  # not from a pilot who has taken over
             self._link.release()
         silent = self._silent(now_ns, command is not None)
-        down = self._down(inbox.latest("mocap/vehicle"))
+        down = self._down(self._seen[0])
         pose, refused = self._poses.take(now_ns, inbox, self._link.armed) if self._poses else (None, "")
         output = self._link.step(now_ns, command, pose)
         outs = [Out("event", Event(now_ns, note.severity, self.name, note.text)) for note in output.notes]
@@ -138,7 +141,7 @@ class VehicleLink(Node):
         if sent is not None and (output.sent_thrust is not None or tripped):
             outs.append(Out("vehicle/sent", _with_thrust(sent, output)))
         if self._reach is not None and output.phase == "ready":
-            outs += self._before_arming(now_ns, inbox.latest("mocap/vehicle"), self._reach)
+            outs += self._before_arming(now_ns, self._seen[0], self._reach)
         outs += self._parameters(now_ns, output.phase)
         if output.phase != self._phase or now_ns - self._status_ns >= STATUS_PERIOD_NS:
             self._status_ns, self._phase = now_ns, output.phase
@@ -206,7 +209,7 @@ class VehicleLink(Node):
         """(what to send, its record, why the gate tripped just now)."""
         if action is None or self._gate.tripped:
             return None, None, ""
-        sent = self._gate.check(now_ns, action, self._odometry, self._board)
+        sent = self._gate.check(now_ns, action, self._odometry, self._board, self._seen)
         if sent is not None:
             return Rates(sent.body_rate, sent.thrust), sent, ""
         if self._gate.tripped:

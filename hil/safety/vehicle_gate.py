@@ -3,9 +3,10 @@
 A command outside the limits of rate or thrust is clipped and marked. What cannot be clipped trips the gate: a number
 that is not finite; a stamp later than now; a vehicle that is too fast, tumbling, outside its fence, about to sink
 through its floor, or without fresh odometry; odometry that moves faster than the vehicle can; a board that has not been
-seen for seconds, or for a moment of the dive at it if it moves; a command that repeats to the last bit while the
-odometry changes. A trip latches: no command is sent any more, the driver hands the vehicle back to its autopilot, and
-the autopilot's own failsafe acts on the missing commands if that order is lost.
+seen for seconds, or for a moment of the dive at it if it moves; by motion capture, a board that is not where the policy
+believes it to be; a command that repeats to the last bit while the odometry changes. A trip latches: no command is sent
+any more, the driver hands the vehicle back to its autopilot, and the autopilot's own failsafe acts on the missing
+commands if that order is lost.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from hil.contract.messages import Action, Belief, Quat, Sent, VehicleState
+from hil.contract.messages import Action, Belief, BoardState, Quat, Sent, VehicleState
+from hil.safety.approach import wrong_board
 from hil.safety.descent import height_lost
 from hil.safety.dive import SILENCE_NS, Lookout, diving
 from hil.safety.limits import GateLimits
@@ -53,13 +55,22 @@ class VehicleGate:
         return self._limits.speed
 
     def check(
-        self, now_ns: int, action: Action, vehicle: VehicleState | None, board: Belief | None = None
+        self,
+        now_ns: int,
+        action: Action,
+        vehicle: VehicleState | None,
+        board: Belief | None = None,
+        seen: tuple[VehicleState | None, BoardState | None] = (None, None),
     ) -> Sent | None:
-        """`action` against the limits; `vehicle` is the newest odometry, `board` the newest belief, None before the
-        first. A trip latches; `tripped` names its reason."""
+        """`action` against the limits; `vehicle` is the newest odometry, `board` the newest belief, `seen` vehicle and
+        board by motion capture, None before the first. A trip latches; `tripped` names its reason."""
         if self.tripped:
             return None
-        self.tripped = self._trip(now_ns, action, vehicle) or self._lookout.unseen(now_ns, vehicle, board)
+        self.tripped = (
+            self._trip(now_ns, action, vehicle)
+            or self._lookout.unseen(now_ns, vehicle, board)
+            or wrong_board(now_ns, *seen, board)
+        )
         if not self.tripped and vehicle is not None:
             limit_ns = SILENCE_NS if diving(now_ns, vehicle, board) else _REPEAT_NS
             self.tripped = self._repeats(now_ns, action, vehicle, limit_ns)

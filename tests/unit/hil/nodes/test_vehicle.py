@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from hil.contract.messages import Action, Belief, Contact, VehicleState
+from hil.contract.messages import Action, Belief, BoardState, Contact, VehicleState
 from hil.nodes.vehicle import STATUS_PERIOD_NS, VehicleLink
 from hil.safety.limits import GateLimits
 from hil.safety.vehicle_gate import VehicleGate
@@ -326,3 +326,20 @@ def test_vehicle_is_not_armed_on_motion_capture_that_contradicts_the_autopilot(o
     calls, (text,) = before_arming(orientation, 21.0, position)
     assert calls == {"refuse"}
     assert text.startswith("not armed: ") and why in text
+
+
+def test_vehicle_that_flies_to_where_the_board_is_not_by_motion_capture_is_handed_back():
+    rig = Rig()
+    rig.link.phase = "handed_over"
+    level, zero = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    vehicle = VehicleState(NOW - 5 * MS, (0.0, 0.0, 2.0), (3.5, 0.0, 0.0), level, zero)
+    board = BoardState(NOW - 5 * MS, (0.7, 0.0, 2.0), zero, level, 0.0, 0.0, 0.0)
+    belief = Belief(NOW, True, (1.0, 0.0, 2.0), 0.0, 0.0, 0.0, 1.2, 1.0, NOW, 9, 0, (0.0,) * 9, 0.0, 9, 0.01)
+    right = replace(belief, position=(0.7, 0.0, 2.0))
+    seen = ("mocap/vehicle", vehicle), ("mocap/board", board)
+    assert rig.step(NOW, action(), *seen, ("belief", right), odometry=True)["vehicle/sent"][0].thrust == 9.0
+    outs = rig.step(NOW, action(), *seen, ("belief", belief), odometry=True)
+    assert [event.text for event in outs["event"]] == [
+        "gate tripped: the board is 0.30 m off where it is believed to be, 0.7 m ahead at 3.5 m/s"
+    ]
+    assert rig.link.calls == ["release"]
