@@ -53,8 +53,7 @@ class CarFollower(Node):
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         board: BoardState | None = inbox.latest("mocap/board")
         stage: Stage | None = inbox.latest("run/stage")
-        vehicle: VehicleStatus | None = inbox.latest("vehicle/status")
-        if (stage is not None and stage.name == "ended") or (vehicle is not None and vehicle.given_up):
+        if stage is not None and stage.name == "ended":
             return [self._command(now_ns, *self._slower())]
         if board is None or stage is None:
             return []
@@ -76,10 +75,10 @@ class CarFollower(Node):
         reference, command = self._follower.step(
             now_ns, x, y, board.heading, board.speed, board.turn_rate, board.stamp_ns
         )
-        return [
-            Out("car/reference", CarReference(*reference)),
-            self._command(command.stamp_ns, command.speed, command.turn_rate),
-        ]
+        vehicle: VehicleStatus | None = inbox.latest("vehicle/status")
+        given_up = vehicle is not None and vehicle.given_up
+        speed, turn_rate = self._slower() if given_up else (command.speed, command.turn_rate)
+        return [Out("car/reference", CarReference(*reference)), self._command(command.stamp_ns, speed, turn_rate)]
 
     def _refuse(self, now_ns: int, kind: str, what: str, until: str) -> list[Out]:
         """The event for the first pose that is not followed, of each kind."""

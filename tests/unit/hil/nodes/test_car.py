@@ -273,6 +273,7 @@ def test_the_car_is_brought_to_rest_when_the_vehicle_has_been_given_up(phase):
         )
         stage = ("run/stage", Stage(now, "attempt", S, S))
         outs = node.step(now, filled(node, board(now, 2.0), stage, ("vehicle/status", status)))
+        assert {out.topic for out in outs} == {"car/reference", "car/command"}, "the supervisor waits for both"
         speeds += [out.message.speed for out in outs if out.topic == "car/command"]
     assert speeds[:25] == [2.0] * 25
     assert speeds[25:] == pytest.approx([max(0.0, 2.0 - 0.03 * k) for k in range(1, 126)])
