@@ -51,7 +51,16 @@ def tiny(tmp_path):
 
 
 def test_all_recipes_load():
-    assert set(list_recipes()) == {"state", "vision", "wall", "paper", "incline-lander", "ablation", "smoke"}
+    assert set(list_recipes()) == {
+        "state",
+        "vision",
+        "airframe",
+        "wall",
+        "paper",
+        "incline-lander",
+        "ablation",
+        "smoke",
+    }
     for name in list_recipes():
         recipe = load_recipe(name)
         assert recipe.env_config("state", 1).stage == "state"
