@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from hil.campaign.classes import Classified
 from hil.report.drawing.section import table
@@ -25,7 +25,7 @@ def fault_section(flights: Sequence[Classified]) -> Markup:
             mine = [flight for flight in flights if (flight.fault, flight.policy) == (fault, policy)]
             if mine:
                 cells = [_cell([flight for flight in mine if flight.scenario == name]) for name in scenarios]
-                rows.append((_breakable(fault), *([policy] if len(policies) > 1 else []), *cells))
+                rows.append((fault, *([policy] if len(policies) > 1 else []), *cells))
     head = ("fault", *(["policy"] if len(policies) > 1 else []), *scenarios)
     counted = [flight for flight in flights if flight.counts]
     unsafe = sum(flight.flight_class == UNSAFE for flight in counted)
@@ -36,11 +36,6 @@ def fault_section(flights: Sequence[Classified]) -> Markup:
         Markup("<dt>{}</dt><dd>{}</dd>").format(name, text) for name, text in DEFINITIONS.items()
     )
     return said + table(head, rows, "left") + Markup('<dl class="small">{}</dl>').format(meanings)
-
-
-def _breakable(fault: str) -> Markup:
-    """A fault's name, which a narrow column breaks behind its dot."""
-    return escape(fault).replace(".", Markup(".<wbr>"))
 
 
 def _cell(flights: Sequence[Classified]) -> Markup:

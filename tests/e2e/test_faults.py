@@ -85,7 +85,7 @@ def test_board_that_stands_does_not_move_when_motion_capture_jumps(tmp_path):
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
-        (table("camera.dropped", at="distance < 2.0"), "in front of it"),
+        (table("camera.dropped", at="distance < 2.0"), "off where it is believed to be"),
         (table("policy.frozen", at="distance < 1.5"), "command has not changed for 0.12 s"),
     ],
 )
