@@ -167,6 +167,8 @@ def _fly(
             limit = time.monotonic() + plan.scenario.car.lead + plan.scenario.time_limit + _OVERTIME_S
             while events.stage != "ended":
                 stalled = sleep(TURN_S)
+                if stalled:
+                    supervisor.stood_still()
                 supervisor.beat()
                 events.take()
                 watch(supervisor)

@@ -132,6 +132,18 @@ def test_all_services_without_health_are_reported_the_longest_first(tmp_path):
     assert run.trouble().startswith(named)
 
 
+def test_services_are_judged_a_moment_after_the_computer_has_stood_still_once_in_three_seconds(tmp_path, monkeypatch):
+    run, begun, later_s = Run(tmp_path, brain=1.2, mocap=1.2), time.monotonic_ns(), 0.0
+    run.topic("belief", 1.2)
+    monkeypatch.setattr("hil.live.supervisor.time.monotonic_ns", lambda: begun + int(later_s * 1e9))
+    found = []
+    for step in range(50):
+        later_s = 0.1 * step
+        run.supervisor.stood_still()
+        found.append(bool(run.trouble()))
+    assert found == [step in range(6, 31) or step >= 37 for step in range(50)]
+
+
 def test_service_without_topics_is_supervised_by_its_health(tmp_path):
     assert Run(tmp_path, brain=0.2, mocap=2.2).trouble().startswith("mocap does not answer")
     assert Run(tmp_path, brain=0.2, mocap=1.5).trouble() == ""
