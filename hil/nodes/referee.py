@@ -11,6 +11,7 @@ from hil.contract.node import Inbox, Node, Out
 from kernel.stamps import later_than_now
 from policies.task import contact as rule
 from policies.task import result_row, rules_row
+from vehicle.mocap.continuity import Repetition
 from vehicle.quadrotor.airframe import ContactGeometry
 
 _OLDEST_NS = 200_000_000  # a sample, at the time of judging; at 4 m/s a vehicle has then flown 0.8 m
@@ -37,6 +38,7 @@ class Referee(Node):
         self._inclination = inclination
         self._result = np.zeros(result_row.DIM)
         self._decided: Contact | None = None
+        self._repetitions = Repetition(), Repetition()  # of vehicle and board
 
     def step(self, now_ns: int, inbox: Inbox) -> list[Out]:
         vehicle: VehicleState | None = inbox.latest("mocap/vehicle")
@@ -49,6 +51,9 @@ class Referee(Node):
         stamps = (vehicle.stamp_ns, board.stamp_ns)
         if now_ns - min(stamps) > _OLDEST_NS or later_than_now(max(stamps), now_ns):
             return []  # a hidden body, late samples or a broken stamp: a contact cannot be judged by where it was
+        bodies = zip(self._repetitions, (vehicle, board), strict=True)
+        if any([repetition.add(seen.stamp_ns, seen.position, True) for repetition, seen in bodies]):
+            return []  # nor by a pose that is sent again and again: a measured one changes, of a body at rest too
         inclination, rise = (self._inclination, 0.0) if self._inclination is not None else _moving(board)
         board_row = np.array([*board.position, board.heading, board.speed, board.turn_rate, inclination, 0.0])
         state = (

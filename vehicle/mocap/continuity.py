@@ -14,7 +14,7 @@ import math
 
 Vec3 = tuple[float, float, float]
 
-REPEATS_NS = 200_000_000
+_REPEATS_NS = 200_000_000
 JUMP = 0.3  # m: a shorter jump is taken for motion, and a pose this near to where the body must be for right
 
 
@@ -66,7 +66,7 @@ class Repetition:
             self._since_ns = stamp_ns
         if before is None or stamp_ns > before[0]:
             self._newest = stamp_ns, position
-        return stamp_ns - self._since_ns >= REPEATS_NS
+        return stamp_ns - self._since_ns >= _REPEATS_NS
 
 
 def _sum(off: Vec3, position: Vec3, before: Vec3) -> Vec3:

@@ -49,6 +49,21 @@ def test_referee_publishes_nothing_outside_the_attempt():
     assert referee.step(START, filled(referee, ("run/stage", stage()))) == [], "nor before it has seen anything"
 
 
+@pytest.mark.parametrize("frozen", ["vehicle", "board"])
+def test_no_contact_is_judged_by_a_pose_that_repeats(frozen):
+    """A hidden board whose last pose is sent on is not where the vehicle meets it."""
+    referee, judged = Referee(RULES, DISC, TILT), []
+    for k in range(60):
+        away, shift = vehicle(gap=0.3), (1e-6 * (k % 7), 0.0, 0.0)
+        bodies = {"vehicle": away, "board": board()}
+        for name, one in bodies.items():
+            moved = tuple(a + b for a, b in zip(one.position, shift, strict=True))
+            bodies[name] = one if name == frozen and k >= 10 else replace(one, position=moved)
+        now = START + k * 10_000_000
+        judged.append(bool(judge(referee, now, bodies["vehicle"], board_state=bodies["board"], late_ns=now - START)))
+    assert judged == [k < 30 for k in range(60)], "0.2 s after it has come for the first time"
+
+
 def test_contact_within_all_tolerances_is_a_success():
     referee = Referee(RULES, DISC, TILT)
     (seen,) = judge(referee, START, vehicle(gap=0.3))
