@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from hil.contract.messages import Belief, BoardState, VehicleState
+from hil.safety.dive import believed_position, closing_speed
 from kernel.clip import usable
 
 _OFF = 0.15  # m: without a fault the belief is nearer to the board when it matters (240 flights with pictures)
@@ -33,17 +34,10 @@ def wrong_board(now_ns: int, vehicle: VehicleState | None, board: BoardState | N
     apart = [a - b for a, b in zip(vehicle.position, board.position, strict=True)]
     distance = math.hypot(*apart)
     moves = [a - b for a, b in zip(vehicle.velocity, board.velocity, strict=True)]
-    closing = -sum(a * b for a, b in zip(moves, apart, strict=True)) / distance if distance else 0.0
+    closing = closing_speed(apart, moves)
     if closing <= _HARMLESS or distance > closing * _REACTION + (closing**2 - _HARMLESS**2) / (2.0 * _BRAKING):
         return ""
-    off = math.dist(_at(believed, board.stamp_ns), board.position)
+    off = math.dist(believed_position(believed, board.stamp_ns), board.position)
     if off <= _OFF:
         return ""
     return f"the board is {off:.2f} m off where it is believed to be, {distance:.1f} m ahead at {closing:.1f} m/s"
-
-
-def _at(believed: Belief, stamp_ns: int) -> tuple[float, float, float]:
-    """Where the board is believed to be at `stamp_ns`."""
-    way = believed.speed * (stamp_ns - believed.stamp_ns) * 1e-9
-    x, y, z = believed.position
-    return x + way * math.cos(believed.heading), y + way * math.sin(believed.heading), z

@@ -9,6 +9,7 @@ begins; after 0.2 s it does not from some places (docs/limitations.md).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from hil.contract.messages import Belief, VehicleState
 from kernel.rotations import rotate
@@ -37,8 +38,24 @@ def diving(now_ns: int, vehicle: VehicleState | None, board: Belief | None, with
         return 0.0
     vx, vy = board.speed * math.cos(board.heading), board.speed * math.sin(board.heading)
     moves = [a - b for a, b in zip(vehicle.velocity, (vx, vy, 0.0), strict=True)]
-    closing = -sum(a * b for a, b in zip(moves, apart, strict=True)) / distance
-    return distance if closing > _CLOSING else 0.0
+    return distance if closing_speed(apart, moves) > _CLOSING else 0.0
+
+
+def closing_speed(apart: Sequence[float], moves: Sequence[float]) -> float:
+    """How fast the distance shrinks, m/s, of a body that is `apart` (m) from another and `moves` (m/s) against it."""
+    distance = math.hypot(*apart)
+    return -sum(a * b for a, b in zip(moves, apart, strict=True)) / distance if distance else 0.0
+
+
+def believed_position(board: Belief, stamp_ns: int) -> tuple[float, float, float]:
+    """Where the board is at `stamp_ns`, as it is believed to move: m, world."""
+    passed = (stamp_ns - board.stamp_ns) * 1e-9
+    x, y, z = board.position
+    return (
+        x + board.speed * math.cos(board.heading) * passed,
+        y + board.speed * math.sin(board.heading) * passed,
+        z,
+    )
 
 
 class Lookout:
@@ -73,8 +90,5 @@ class Lookout:
 
 
 def _apart(now_ns: int, vehicle: VehicleState, board: Belief) -> list[float]:
-    """From where the board is now, as it was believed to move, to the vehicle: m, world."""
-    passed = (now_ns - board.stamp_ns) * 1e-9
-    x, y, z = board.position
-    x, y = x + board.speed * math.cos(board.heading) * passed, y + board.speed * math.sin(board.heading) * passed
-    return [a - b for a, b in zip(vehicle.position, (x, y, z), strict=True)]
+    """From where the board is believed to be now to the vehicle: m, world."""
+    return [a - b for a, b in zip(vehicle.position, believed_position(board, now_ns), strict=True)]
