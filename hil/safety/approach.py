@@ -11,11 +11,12 @@ import math
 from hil.contract.messages import Belief, BoardState, VehicleState
 from hil.safety.dive import believed_position, closing_speed
 from kernel.clip import usable
+from kernel.stamps import later_than_now
 
 _OFF = 0.15  # m: without a fault the belief is nearer to the board when it matters (240 flights with pictures)
-_HARMLESS = 2.0  # m/s: met at less, neither vehicle nor board breaks
+_HARMLESS = 2.0  # m/s: a board that is met faster makes a flight unsafe (`hil/scoring/flight_class.py`)
 _REACTION = 0.15  # s, until the vehicle has turned against its velocity
-_BRAKING = 10.0  # m/s^2, at 80 % of all thrust
+_BRAKING = 10.0  # m/s^2, less than 80 % of all thrust gives
 _FRESH_NS = 200_000_000
 
 
@@ -27,7 +28,8 @@ def wrong_board(now_ns: int, vehicle: VehicleState | None, board: BoardState | N
     """
     if vehicle is None or board is None or believed is None or not believed.valid:
         return ""
-    if not all(0 <= now_ns - stamp <= _FRESH_NS for stamp in (vehicle.stamp_ns, board.stamp_ns)):
+    stamps = vehicle.stamp_ns, board.stamp_ns
+    if now_ns - min(stamps) > _FRESH_NS or later_than_now(max(stamps), now_ns):
         return ""
     if not usable((*vehicle.position, *vehicle.velocity, *board.position, *board.velocity)):
         return ""
