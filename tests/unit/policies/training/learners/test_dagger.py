@@ -31,6 +31,15 @@ def test_dagger_learns_to_imitate_its_teacher(symmetric):
     assert np.mean(losses[-4:]) < 0.6 * np.mean(losses[:4])
 
 
+def test_the_average_of_a_short_training_has_forgotten_the_random_weights():
+    run = make(replace(SMALL, average=0.998))  # 48 updates: a decay of 0.998 alone keeps 91 % of the first weights
+    first = torch.cat([p.detach().flatten().clone() for p in run.actor.parameters()])
+    while not run.finished:
+        run.step()
+    last, average = (torch.cat([p.detach().flatten() for p in a.parameters()]) for a in (run.actor, run.average))
+    assert (average - last).norm() < 0.4 * (first - last).norm()
+
+
 @pytest.mark.parametrize("teacher", ["expert", "vision"])
 def test_resumed_dagger_has_the_same_curve(teacher):
     config, env = replace(SMALL, teacher=teacher), replace(ENV, stride=8 if teacher == "vision" else 3)
