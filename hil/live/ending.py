@@ -8,9 +8,9 @@ from collections.abc import Callable
 from hil.assembly.node_table import driving_services
 from hil.live.judge import Ended
 from hil.live.supervisor import Supervisor
+from hil.scoring.flight_class import LAND_LIMIT_S
 
 TURN_S = 0.05
-LAND_LIMIT_S = 25.0
 DRIVERS = driving_services()
 _RECEIVED_S = 0.7  # every service publishes its health twice a second
 _WITNESS_S = 3.0  # recorded after a driver has ended: what autopilot and car do by themselves

@@ -11,11 +11,11 @@ from hil.live.latency import table as latency_table
 from hil.live.load import load_now, load_table
 from hil.recording.reader import ReadError, Recording
 from hil.recording.runs import Run
-from hil.scoring.flight_class import READ, FlightClass
-from hil.scoring.score import SCORED, Score, score_messages
+from hil.scoring.flight_class import LAND_LIMIT_S, READ, FlightClass
+from hil.scoring.score import ABORTED, SCORED, Score, score_messages
 
 _READ = (*SCORED, "policy/action")
-_SILENT_NS = 2_000_000_000  # without a status at the end: the vehicle's driver has ended before
+_SILENT_S = 2.0  # without a status at the end: the vehicle's driver has ended before
 
 
 class Ended:
@@ -62,14 +62,26 @@ def judge(run: Run, plan: Plan, seed: int, ended: Ended) -> tuple[Score, dict[st
 
 
 def _class(recording: Recording, plan: Plan, trouble: str) -> FlightClass | None:
-    """None where the vehicle's driver or its link ended in flight: nothing says when the motors stopped."""
+    """None where nothing says when the motors stopped: the vehicle's driver or its link ended in flight, or the
+    recording ends before the wait for the landing does, as it does with a hub that was lost."""
     one, armed, now_ns, told_ns = flight_judge(plan.scenario, plan.rig), False, 0, 0
+    ended_ns: int | None = None
     for log_ns, topic, message in recording.messages([t for t in READ if "/perch/" + t in recording.topics]):
         one(log_ns, topic, message)
         now_ns = log_ns
         if topic == "vehicle/status":
             armed, told_ns = message.armed, log_ns if message.connected else told_ns
-    return one.result(not armed, trouble) if not armed or now_ns - told_ns < _SILENT_NS else None
+        if ended_ns is None and _is_end(topic, message):
+            ended_ns = log_ns
+    waited = ended_ns is not None and now_ns - ended_ns > (LAND_LIMIT_S - _SILENT_S) * 1e9
+    return one.result(not armed, trouble) if not armed or (waited and now_ns - told_ns < _SILENT_S * 1e9) else None
+
+
+def _is_end(topic: str, message: Any) -> bool:
+    """Whether the message is the end of the run, after which the vehicle is awaited on the ground."""
+    if topic == "run/stage":
+        return message.name == "ended"
+    return topic == "event" and message.source == "supervisor" and message.text.startswith(ABORTED)
 
 
 def _kept(table: dict[str, Any]) -> dict[str, Any]:
