@@ -29,7 +29,7 @@ _CASE_SHARE, _CELL_SHARE = 0.25, 0.05  # episodes of a motion or another vehicle
 @dataclass(frozen=True)
 class Request:
     """Options from the command line. `time_limit` s; `picture`: where the map goes, or None; `cluster`: its address, or
-    None to fly here."""
+    None to fly here; `airframe`: None for the one that the policy was made for."""
 
     policy: str
     episodes: int = 2000
@@ -42,6 +42,7 @@ class Request:
     picture: Path | None = None
     seed: int = 0
     cluster: str | None = None
+    airframe: str | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class Evaluation:
     request: Request
     name: str
     stage: str
+    airframe: str
     rows: list[Row]
     motion_rows: list[Row]
     robust_rows: list[Row]
@@ -63,7 +65,8 @@ class Evaluation:
         seen = (
             f"on a camera's belief with {_NOISE[asked.noise]}" if self.stage == "vision" else "told where the board is"
         )
-        return f"{self.name}, {self.stage} stage: {seen}, {start}, {asked.time_limit:g} s, seed {asked.seed}"
+        on = f"{self.name} on {self.airframe}, {self.stage} stage"
+        return f"{on}: {seen}, {start}, {asked.time_limit:g} s, seed {asked.seed}"
 
     def data(self) -> dict[str, Any]:
         """As plain data, for JSON."""
@@ -73,6 +76,7 @@ class Evaluation:
             "policy": asked.policy,
             "name": self.name,
             "stage": self.stage,
+            "airframe": self.airframe,
             "noise": asked.noise if self.stage == "vision" else None,
             "hover": asked.hover,
             "time_limit": asked.time_limit,
@@ -136,7 +140,9 @@ def evaluate_policy(request: Request) -> Evaluation:
     not there, does not fit or was lost, OSError for the picture.
     """
     contender = open_contender(request.policy)
-    changes = {"warm": float(request.hover), "limit": round(request.time_limit / TICK)}
+    changes: dict[str, Any] = {"warm": float(request.hover), "limit": round(request.time_limit / TICK)}
+    if request.airframe is not None:
+        changes["airframe"] = request.airframe
     config = contender.config(request.stage, evaluation_seed(request.seed), **changes)
     with nullcontext() if request.cluster is None else open_workers(request.cluster, None) as workers:
         fly = _Flyer(request, contender.policy, workers)
@@ -147,7 +153,9 @@ def evaluate_policy(request: Request) -> Evaluation:
         found = None
         if request.picture is not None:
             found = heatmap(fly("map", map_cells(config, max(10, round(_CELL_SHARE * request.episodes)))))
-    evaluation = Evaluation(request, contender.name, config.stage, rows, motion_rows, robust_rows, found)
+    evaluation = Evaluation(
+        request, contender.name, config.stage, config.airframe, rows, motion_rows, robust_rows, found
+    )
     if found is not None and request.picture is not None:
         request.picture.parent.mkdir(parents=True, exist_ok=True)
         request.picture.write_text(found.svg(evaluation.conditions()))

@@ -90,6 +90,9 @@ def evaluate(
     noise: Annotated[
         Literal["paper", "measured"], typer.Option(help="the simulated detector's: the paper's, or our detector's own")
     ] = "paper",
+    airframe: Annotated[
+        str | None, typer.Option(help="the vehicle: a name or a .toml [default: the one that the policy was made for]")
+    ] = None,
     hover: Annotated[
         bool, typer.Option("--hover", help="begin hovering and watching for up to 1 s, as a flight does")
     ] = False,
@@ -121,7 +124,9 @@ def evaluate(
 
     if heatmap is not None and heatmap.suffix != ".svg":
         raise fail(f"--heatmap {heatmap}: give a file that ends in .svg; the data goes beside it as .csv", USAGE)
-    request = Request(policy, episodes, stage, noise, hover, time_limit, motions, robust, heatmap, seed, cluster)
+    request = Request(
+        policy, episodes, stage, noise, hover, time_limit, motions, robust, heatmap, seed, cluster, airframe
+    )
     try:
         found = evaluate_policy(request)
     except (ContractError, ValueError, FileNotFoundError) as error:

@@ -45,6 +45,7 @@ def one_line(result, code=2):
         (["plannr"], "did you mean 'planner'"),
         (["nowhere.onnx"], "does not exist"),
         ([STATE, "--heatmap", "map.xls"], "ends in .svg"),
+        (["planner", "--airframe", "paper_qad"], "no airframe 'paper_qad'"),
     ],
 )
 def test_evaluation_error_is_one_line(arguments, message):
@@ -57,10 +58,13 @@ def test_damaged_policy_error_is_one_line(tmp_path):
     assert "not a readable ONNX model" in one_line(runner.invoke(app, ["evaluate", str(broken)]))
 
 
-def test_evaluation_table_names_its_conditions():
-    result = runner.invoke(app, ["evaluate", "planner-analytic", "--episodes", "10", "--time-limit", "1"])
+@pytest.mark.parametrize("airframe", ["paper_quad", "crazyflie"])
+def test_evaluation_table_names_its_conditions(airframe):
+    asked = ["evaluate", "planner-analytic", "--episodes", "10", "--time-limit", "1", "--airframe", airframe]
+    result = runner.invoke(app, asked)
     assert result.exit_code == 0, result.output
     head = result.output.splitlines()[0]
+    assert f"planner-analytic on {airframe}" in head
     assert "vision stage" in head and "the paper's noise" in head and "1 s, seed 0" in head
     assert "91.42" in result.output  # the paper's T1 on a camera's belief
 
