@@ -39,16 +39,16 @@ def _network(name: str, text: str, teachers: tuple[str, ...], training: str, eva
     return Experiment(name, text, teachers, (f"policy train {training} --out {{runs}}", evaluate))
 
 
-_BY_STATE = (
-    "--stage state --set budget=0.15 --set env.count=4096 --set env.speed=[0.0,2.5] "
+_IMITATION = (
+    "--recipe vision --stage state --set budget=0.15 --set env.count=4096 --set env.speed=[0.0,2.5] "
     "--set env.oscillating=0.0 --set env.hard_examples=0.0"  # or steep splines would be among a family's boards
 )
 LEARNED = {
-    "perchrl": ("PerchRL", (VISION,), _BY_STATE),
-    "perchrl-without-ta": ("PerchRL w/o TA", (VISION,), f"{_BY_STATE} --set network.temporal=false"),
-    "incline-lander": ("InclineLander", (), "--recipe incline-lander --set budget=0.195"),
+    "perchrl": ("PerchRL", (VISION,), _IMITATION),
+    "perchrl-without-ta": ("PerchRL w/o TA", (VISION,), f"{_IMITATION} --set network.temporal=false"),
+    "incline-lander": ("InclineLander", (), "--recipe incline-lander --set budget=0.1"),
 }
-"""What learns, with 7.8 million samples -> what it is called, its teachers, and how it is trained."""
+"""What learns, with 4 million samples -> what it is called, its teachers, and how it is trained."""
 
 
 def _of_family(method: str, family: str) -> Experiment:
