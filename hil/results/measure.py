@@ -57,11 +57,10 @@ def measure(
     What a command does not print on stdout, progress and errors, goes to this process's stderr. Raises MeasureError.
     """
     results.mkdir(parents=True, exist_ok=True)
+    places = {"runs": str(runs / experiment.name), "results": str(results)}
     printed = ""
     for command in experiment.commands:
-        words = shlex.split(
-            command.format(results=shlex.quote(str(results)), runs=shlex.quote(str(runs / experiment.name)))
-        )
+        words = shlex.split(command.format_map({name: shlex.quote(path) for name, path in places.items()}))
         if words[:2] == ["policy", "train"]:
             words += ["--resume"] if any((runs / experiment.name).glob("checkpoint*.pt")) else []
         elif cluster is not None and words[0] in FLYING:
@@ -70,6 +69,8 @@ def measure(
         if done.returncode not in DONE:
             raise MeasureError(f"perch-hil {shlex.join(words)}: exit code {done.returncode}")
         printed = done.stdout
+    for name, path in places.items():  # the data is the same on every machine
+        printed = printed.replace(path, f"{{{name}}}")
     try:
         data = json.loads(printed)
     except ValueError:

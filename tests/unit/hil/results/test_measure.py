@@ -18,12 +18,12 @@ runner = CliRunner()
 
 @pytest.fixture
 def asked(monkeypatch):
-    """The arguments of every command that is asked for; each prints an empty list."""
+    """The arguments of every command that is asked for, which it prints."""
     found = []
 
     def run(words, **_):
         found.append(words[3:])
-        return SimpleNamespace(returncode=0, stdout="[]")
+        return SimpleNamespace(returncode=0, stdout=json.dumps(words[3:]))
 
     monkeypatch.setattr("hil.results.measure.subprocess.run", run)
     return found
@@ -51,6 +51,13 @@ def test_commands_that_fly_are_flown_on_the_cluster_and_kept_as_the_same_command
     measure(both, tmp_path, tmp_path / "runs", {}, "host:1")
     assert [words[-2:] == ["--cluster", "host:1"] for words in asked] == [True, True, False]
     assert is_measured(both, tmp_path)
+
+
+def test_data_names_no_folder_of_this_machine(tmp_path, asked):
+    flown = Experiment("flown", "", (), ("policy evaluate {runs}/policy.onnx --heatmap {results}/map.svg --json",))
+    measure(flown, tmp_path / "results", tmp_path / "runs", {})
+    found = kept(flown, tmp_path / "results")
+    assert found["data"] == ["policy", "evaluate", "{runs}/policy.onnx", "--heatmap", "{results}/map.svg", "--json"]
 
 
 def test_training_that_was_stopped_goes_on(tmp_path, asked):
