@@ -198,7 +198,8 @@ def check_contract(
         _same(contract, "stage", contract.stage, stage, _STAGES.get(stage, ""))
     if airframe is None:
         return
-    train = f"; train one for it: `perch-hil policy train --airframe {airframe.name}`"
+    command = f"perch-hil policy train --stage {stage or contract.stage} --airframe {airframe.name}"
+    train = f"; train one for it: `{command}` (docs/train.md)"
     _same(contract, "airframe", contract.airframe, airframe.name, train)
     _same(contract, "action scaling", contract.action, ActionContract.of(airframe), train)
     if contract.vehicle is not None:

@@ -56,7 +56,7 @@ def test_contract_mismatch_error_names_both_values():
 
 
 def test_airframe_without_a_policy_error_names_the_training_command():
-    with pytest.raises(ContractError, match="perch-hil policy train --airframe crazyflie") as error:
+    with pytest.raises(ContractError, match="perch-hil policy train --stage vision --airframe crazyflie") as error:
         check_contract(CONTRACT, airframe=CRAZYFLIE)
     assert "made for airframe paper_quad, this flight has crazyflie" in one_line(error)
 
