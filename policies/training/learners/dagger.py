@@ -21,6 +21,7 @@ from policies.environment.env import Env
 from policies.network.actor_critic import FORESEEN, Actor, NetworkConfig
 from policies.task import entry_row
 from policies.task.observation import NEWEST
+from policies.training.learners.averaging import average_in
 from policies.training.learners.device import Uplink
 from policies.training.learners.learner import take_episodes
 from policies.training.learners.replay import Replay
@@ -39,7 +40,7 @@ class DaggerConfig:
     from 1 to `teacher_floor` over `teacher_fade` samples. `noise`: one-sigma added to the student's actions while
     collecting. `near`: extra weight of a sample close to the board. `foresee`: weight of the auxiliary loss that makes
     the trunk predict the board's future positions. `huber`: where the loss becomes linear. `average`: decay of the
-    averaged weights, which are exported, see `decay`."""
+    averaged weights, which are exported, see `average_in`."""
 
     samples: int = 8_000_000
     teacher: str = "expert"
@@ -56,12 +57,6 @@ class DaggerConfig:
     foresee: float = 0.1
     huber: float = 0.1
     average: float = 0.995
-
-
-def decay(average: float, updates: int) -> float:
-    """The decay of averaged weights after so many updates: less at first, so that a short training forgets the random
-    weights that it began with. The average then spans the last ninth of the updates."""
-    return min(average, (1.0 + updates) / (10.0 + updates))
 
 
 class Dagger:
@@ -149,10 +144,7 @@ class Dagger:
         loss.backward()
         torch.nn.utils.clip_grad_norm_(actor.parameters(), 1.0)
         self.optimiser.step()
-        with torch.no_grad():
-            kept = decay(c.average, self.samples // (self.env.config.count * c.horizon) * c.batches)
-            for averaged, trained in zip(self.average.parameters(), actor.parameters(), strict=True):
-                averaged.lerp_(trained, 1.0 - kept)
+        average_in(self.average, actor, c.average, self.samples // (self.env.config.count * c.horizon) * c.batches)
         return loss.detach()
 
     def state(self) -> dict:

@@ -26,6 +26,7 @@ from policies.environment.env import Env
 from policies.network.actor_critic import Actor, Critic, NetworkConfig
 from policies.task import result_row
 from policies.task.contact import SUCCESS
+from policies.training.learners.averaging import average_in
 from policies.training.learners.device import Uplink
 from policies.training.learners.learner import take_episodes
 from policies.training.learners.rollout import Rollout
@@ -39,7 +40,7 @@ class PpoConfig:
     """`samples` environment steps in all. Rewards are multiplied by `reward_scale` before learning. SI units.
 
     An iteration ends early once the policy has moved by `target_kl`. `average`: decay, an iteration, of the averaged
-    weights, which are exported."""
+    weights, which are exported, see `average_in`."""
 
     samples: int = 40_000_000
     horizon: int = 32
@@ -174,9 +175,7 @@ class Ppo:
                 errors.append(error)
             if float(torch.stack(moved[-4:]).mean()) > c.target_kl:
                 break
-        with torch.no_grad():
-            for mine, theirs in zip(self.average.parameters(), self.actor.parameters(), strict=True):
-                mine.lerp_(theirs, 1.0 - c.average)
+        average_in(self.average, self.actor, c.average, self.samples // (self.env.config.count * c.horizon))
         distance, clips, mean_error = (float(torch.stack(x).mean()) for x in (moved, clipped, errors))
         if not math.isfinite(distance + mean_error):
             raise TrainingError("the PPO loss is not finite; the last good checkpoint is kept")
