@@ -33,7 +33,6 @@ class RealRow(_Row):
     impact_tangential: Number
     perception_desired_hz: Number
     perception_actual_hz: Number
-    flights: tuple[int, int] | None = None  # perched, flown
 
     def within(self, tolerance: Tolerance) -> bool:
         """Whether this published flight is inside `tolerance`: three of the six rows are not."""

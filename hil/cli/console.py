@@ -89,8 +89,6 @@ def run_table(score: Score, scenario: Scenario, *, real_time_factor: float | Non
     tail = []
     if score.reasons:
         tail.append(f"why: {'; '.join(score.reasons)}")
-    if isinstance(row, RealRow) and row.flights:
-        tail.append(f"a later version of the paper reports {row.flights[0]} of {row.flights[1]} flights perched")
     if real_time_factor is not None:
         tail.append(f"{real_time_factor:.2f} times real time")
     head = Text(f"{scenario.title}  (seed {score.seed})", style="italic")

@@ -242,10 +242,6 @@ def _published(line: Line) -> Markup:
     assert isinstance(row, RealRow)
     text = f"Published flight: planar {row.planar:g} m, alignment {row.normal_alignment_deg:g} deg, "
     text += f"tangential {row.impact_tangential:g} m/s"
-    if row.flights:
-        low, high = interval(*row.flights, CONFIDENCE)
-        text += f"; a later version reports {row.flights[0]} of {row.flights[1]} flights perched "
-        text += f"({100 * low:.0f}–{100 * high:.0f} %)"
     return Markup('<p class="small">{}.</p>').format(text)
 
 

@@ -74,8 +74,6 @@ def build(recorded: Recorded) -> Section:
     section.html(table(("", "unit", "this run", "published", "tolerance", "used of tolerance"), rows, "row"))
     if row is None:
         section.text("This scenario names no published row to compare with.")
-    elif isinstance(row, RealRow) and row.flights:
-        section.text(f"A later version of the paper reports {row.flights[0]} of {row.flights[1]} flights perched.")
     return section
 
 
