@@ -27,7 +27,6 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, p
     """
     motion, board = row[at : at + expert_row.MOTION], row[expert_row.BOARD : expert_row.BOARD + board_row.DIM]
     low, high = e[AT.low] * gain, e[AT.high] * gain
-    rate = e[AT.rate_flat] + min(1.0, 2.0 * math.sin(future[0, board_row.INCLINATION])) * (e[AT.rate] - e[AT.rate_flat])
     below, radius = planner[pp.vehicle.contact_below], planner[pp.vehicle.contact_radius]
     cost, dt = 0.0, duration / _SAMPLES
     for k in range(1, _SAMPLES + 1):
@@ -51,7 +50,7 @@ def motion_cost(row, at, duration, offset, after, future, step, gain, drag, e, p
         )
         along = jx * zx + jy * zy + jz * zz
         turn = math.sqrt(max(0.0, jx * jx + jy * jy + jz * jz - along * along)) / f
-        excess = max(0.0, turn - rate)
+        excess = max(0.0, turn - e[AT.rate])
         cost += (e[AT.w_rate] * excess * excess + e[AT.w_smooth] * turn * turn) * dt
         excess = max(0.0, math.sqrt(vx * vx + vy * vy + vz * vz) - e[AT.speed])
         cost += e[AT.w_speed] * excess * excess * dt

@@ -4,6 +4,9 @@ The actions of an expert that is to be imitated must follow from what the studen
 ways to end a perch: thrust and shape of the last move are functions of the inclination alone. A plan has two parts: a
 quintic to the state in which the last move begins, then the move, whose acceleration goes from zero to that of body z
 on the board's normal. Near the board only the second part is planned.
+
+A command changes the body rate only after the rate loop's lag. So plans begin with the vehicle as it will be then
+(`lag.predict_vehicle`), and what is commanded now is what the plan demands then.
 """
 
 from __future__ import annotations
@@ -17,8 +20,9 @@ from policies.planner.follow import face
 from policies.planner.tracking import track_force
 from policies.teachers import expert_row
 from policies.teachers.expert_plan import make_plan
+from policies.teachers.lag import predict_vehicle
 from policies.teachers.params import AT
-from vehicle.quadrotor import airframe_row, state_row
+from vehicle.quadrotor import airframe_row
 from vehicle.quadrotor.airframe import GRAVITY
 
 _AXIS = expert_row.AXIS
@@ -26,8 +30,8 @@ _KP, _KV = 10.0, 6.0  # 1/s^2, 1/s: position and speed error to acceleration
 
 
 @njit
-def _follow(row, t, vehicle, board, gain, drag, e, planner, out):
-    """CTBR that follows the plan at time `t`."""
+def _follow(row, t, board, gain, drag, e, planner, out):
+    """CTBR that follows the plan at time `t`, for which the vehicle is predicted."""
     middle, contact = row[expert_row.MIDDLE], row[expert_row.CONTACT]
     second = t >= middle
     at = expert_row.SECOND if second else expert_row.FIRST
@@ -36,14 +40,12 @@ def _follow(row, t, vehicle, board, gain, drag, e, planner, out):
     begun = row[expert_row.BEGUN] if not second or middle <= row[expert_row.BEGUN] else middle
     duration = end - begun
     now, left = min(duration, t - begun), contact - t
-    ahead, soon = min(duration, now + e[AT.rate_lag]), min(duration, now + e[AT.thrust_lag])
+    ahead = min(duration, now + e[AT.ahead])
+    soon = min(duration, max(0.0, now + e[AT.thrust_lag] - e[AT.predicted]))
     fade = min(1.0, max(0.0, left / e[AT.fade]))
-    p, v, q = (
-        vehicle[state_row.P : state_row.P + 3],
-        vehicle[state_row.V : state_row.V + 3],
-        vehicle[state_row.Q : state_row.Q + 4],
-    )
-    x = row[expert_row.START : expert_row.START + 9]
+    start = row[expert_row.START : expert_row.START + 9]
+    p, v, q = start[:3], start[3:6], row[expert_row.ATTITUDE : expert_row.ATTITUDE + 4]
+    x = row[expert_row.TARGET : expert_row.TARGET + 3]
     for k in range(3):
         gap = _KP * (poly.position(motion, k * _AXIS, now) - p[k]) + _KV * (
             poly.velocity(motion, k * _AXIS, now) - v[k]
@@ -69,34 +71,20 @@ def _follow(row, t, vehicle, board, gain, drag, e, planner, out):
 def expert_step(rows, i, row, board, future, step, gain, e, planner, out):
     """The expert's CTBR for episode i into `out` (4,): body rate rad/s, thrust m/s^2.
 
-    `row` expert row; `board` (8,) the true board now, `future` (K, 8) the same `step` s apart from now, read when
-    `expert_due`; `gain` achieved over commanded thrust; `e` row of ExpertParams; `planner` row of PlannerParams for the
-    vehicle and the gains of the attitude loop.
+    `row` expert row; `board` (8,) the true board now, `future` (K, 8) the same `step` s apart, from `predicted` s on,
+    read when `expert_due`; `gain` achieved over commanded thrust; `e` row of ExpertParams; `planner` row of
+    PlannerParams for the vehicle and the gains of the attitude loop.
     """
-    vehicle, params, state = rows.vehicle[i], rows.params[i], rows.state[i]
-    t = state[episode_row.STEP] * TICK
+    params, now = rows.params[i], rows.state[i, episode_row.STEP] * TICK
+    t = now + e[AT.predicted]
     drag = params[airframe_row.DRAG] / params[airframe_row.MASS]
+    predict_vehicle(rows, i, row, e[AT.predicted], gain, drag, e)
     left = row[expert_row.CONTACT] - t
     frozen = row[expert_row.READY] > 0.0 and -e[AT.overdue] < left < e[AT.freeze]
-    if expert_due(row, t) and not frozen:
-        row[expert_row.NEXT] = t + e[AT.replan]
-        lift = params[airframe_row.MOTOR_THRUST] / params[airframe_row.MASS]
-        lift *= (
-            vehicle[state_row.MOTOR]
-            + vehicle[state_row.MOTOR + 1]
-            + vehicle[state_row.MOTOR + 2]
-            + vehicle[state_row.MOTOR + 3]
-        )
-        zx, zy, zz = body_z(vehicle[state_row.Q : state_row.Q + 4])
-        for k in range(3):
-            row[expert_row.START + k], row[expert_row.START + 3 + k] = (
-                vehicle[state_row.P + k],
-                vehicle[state_row.V + k],
-            )
-            z = zx if k == 0 else (zy if k == 1 else zz)
-            row[expert_row.START + 6 + k] = lift * z - drag * vehicle[state_row.V + k] - (GRAVITY if k == 2 else 0.0)
+    if expert_due(row, now) and not frozen:
+        row[expert_row.NEXT] = now + e[AT.replan]
         make_plan(row, t, future, step, gain, drag, e, planner)
-    _follow(row, t, vehicle, board, gain, drag, e, planner, out)
+    _follow(row, t, board, gain, drag, e, planner, out)
 
 
 @njit

@@ -13,9 +13,6 @@ from policies.teachers.cost import motion_cost
 from policies.teachers.params import AT
 from vehicle.quadrotor.airframe import GRAVITY
 
-_OVER = (
-    0.03  # m over the surface at the end of a plan: less than the disc's, so that a height error makes contact early
-)
 _LONG, _SHORT = 18, 6  # durations tried
 _NEAR = (-0.05, -0.025, 0.0, 0.025, 0.05, 0.1)  # s, changes of the contact's time tried for a plan near contact
 _LONGEST = 8.4  # the longest duration over the shortest, 0.5 s
@@ -23,7 +20,7 @@ _REFINE = 3  # halvings of the step around the best duration
 
 
 @njit
-def _fit_move(row, future, step, contact, e):
+def _fit_move(row, future, step, contact, drag, e):
     """The last move, ending `contact` s from now: its motion into TRY2, the state it begins with into TARGET.
 
     Returns its length.
@@ -34,7 +31,7 @@ def _fit_move(row, future, step, contact, e):
     )
     board_at(future, step, contact, board)
     si, ci = math.sin(board[board_row.INCLINATION]), math.cos(board[board_row.INCLINATION])
-    length = e[AT.move_flat] + si * (e[AT.move_steep] - e[AT.move_flat])
+    length = e[AT.move]
     thrust = max(e[AT.thrust_flat] * GRAVITY * ci, e[AT.thrust_steep])
     ch, sh = math.cos(board[board_row.HEADING]), math.sin(board[board_row.HEADING])
     nx, ny, nz = -si * ch, -si * sh, ci
@@ -44,8 +41,8 @@ def _fit_move(row, future, step, contact, e):
         v = -e[AT.impact] * n + (
             board[board_row.SPEED] * ch if k == 0 else (board[board_row.SPEED] * sh if k == 1 else 0.0)
         )
-        a = thrust * n - (GRAVITY if k == 2 else 0.0)
-        p = board[k] + _OVER * n
+        a = thrust * n - drag * v - (GRAVITY if k == 2 else 0.0)
+        p = board[k] + e[AT.over] * n
         begin[3 + k] = v - a * length * first
         begin[k] = p - begin[3 + k] * length - a * length * length * second
         ahead = ch if k == 0 else (sh if k == 1 else 0.0)
@@ -56,7 +53,7 @@ def _fit_move(row, future, step, contact, e):
 
 
 @njit
-def _fit_end(row, future, step, contact, e):
+def _fit_end(row, future, step, contact, drag, e):
     """From the present state straight to the board in `contact` s: into TRY1.
 
     Late corrections across the normal would tilt the vehicle, and the board is large: the nearer contact is, the more
@@ -76,7 +73,7 @@ def _fit_end(row, future, step, contact, e):
     for k in range(3):
         board = target[board_row.SPEED] * ch if k == 0 else (target[board_row.SPEED] * sh if k == 1 else 0.0)
         end[k] = board - e[AT.impact] * n[k]
-        end[3 + k] = thrust * n[k] - (GRAVITY if k == 2 else 0.0)
+        end[3 + k] = thrust * n[k] - drag * end[k] - (GRAVITY if k == 2 else 0.0)
         mean, bend = 0.5 * (start[3 + k] + end[k]), (start[6 + k] - end[3 + k]) / 12.0
         natural[k] = start[k] + contact * mean + contact * contact * bend - target[k]
         along += natural[k] * n[k]
@@ -87,7 +84,7 @@ def _fit_end(row, future, step, contact, e):
     free = min(1.0, max(0.0, (e[AT.aim] - contact) / (0.5 * e[AT.aim])))
     free *= min(1.0, e[AT.miss] / max(math.sqrt(miss), 1e-6))
     for k in range(3):
-        p = target[k] + _OVER * n[k] + free * natural[k]
+        p = target[k] + e[AT.over] * n[k] + free * natural[k]
         at = expert_row.TRY1 + k * expert_row.AXIS
         poly.fit_axis(start[k], start[3 + k], start[6 + k], p, end[k], end[3 + k], contact, e[AT.flatten], row, at)
 
@@ -96,7 +93,7 @@ def _fit_end(row, future, step, contact, e):
 def _try_pair(row, t, contact, late, future, step, gain, drag, e, planner):
     """Try a plan of two parts with contact in `contact` s; keep it if it is the cheapest so far."""
     start, begin = row[expert_row.START : expert_row.START + 9], row[expert_row.TARGET : expert_row.TARGET + 8]
-    length = _fit_move(row, future, step, contact, e)
+    length = _fit_move(row, future, step, contact, drag, e)
     duration = contact - length
     if duration < 0.1:
         return
@@ -120,7 +117,7 @@ def _try_pair(row, t, contact, late, future, step, gain, drag, e, planner):
 @njit
 def _try_end(row, t, contact, late, future, step, gain, drag, e, planner):
     """Try to go straight to the board in `contact` s; keep it if it is the cheapest so far."""
-    _fit_end(row, future, step, contact, e)
+    _fit_end(row, future, step, contact, drag, e)
     cost = e[AT.w_time] * contact + e[AT.w_postpone] * max(0.0, late)
     if cost < row[expert_row.COST]:
         limit = row[expert_row.COST] - cost

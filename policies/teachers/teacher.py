@@ -14,7 +14,7 @@ from policies.prediction.future import HORIZON, STEP
 from policies.task.observation import action_from_command
 from policies.teachers import expert_row
 from policies.teachers.expert import expert_due, expert_step
-from policies.teachers.params import ExpertParams
+from policies.teachers.params import AT, ExpertParams
 
 _TICKS = round(STEP / TICK)
 
@@ -30,7 +30,7 @@ def teach_row(rows, i, shared, plan, future, expert, planner, command, out):
         plan[:] = 0.0
     board, gain = rows.track[i, int(rows.state[i, episode_row.STEP])], true_gain(rows, i, shared)
     if expert_due(plan, now):
-        fill_future(rows, i, _TICKS, future)
+        fill_future(rows, i, round(expert[AT.predicted] / TICK), _TICKS, future)
     expert_step(rows, i, plan, board, future, STEP, gain, expert, planner, command)
     action_from_command(command, shared.limits, out)
     return plan[expert_row.CONTACT] - now if plan[expert_row.READY] > 0.0 else np.inf
@@ -51,7 +51,7 @@ class Teacher:
 
     def __init__(self, env: Env, params: ExpertParams | None = None) -> None:
         n = env.config.count
-        self._env, self._expert = env, (params or ExpertParams()).row()
+        self._env, self._expert = env, (params or ExpertParams.of(env.airframe)).row()
         self._planner = planner_params(env.airframe).row()
         self._plans, self._futures = np.zeros((n, expert_row.DIM)), np.zeros((n, HORIZON, 8))
         self._commands = np.zeros((n, 4))
