@@ -198,7 +198,11 @@ def check_contract(
         _same(contract, "stage", contract.stage, stage, _STAGES.get(stage, ""))
     if airframe is None:
         return
-    command = f"perch-hil policy train --stage {stage or contract.stage} --airframe {airframe.name}"
+    stage = stage or contract.stage
+    command = (
+        f"perch-hil policy train --recipe airframe --stage {stage} --airframe {airframe.name} "
+        f"--parent policies/checkpoints/plain/{stage}.onnx"
+    )
     train = f"; train one for it: `{command}` (docs/train.md)"
     _same(contract, "airframe", contract.airframe, airframe.name, train)
     _same(contract, "action scaling", contract.action, ActionContract.of(airframe), train)

@@ -5,10 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 # Networks, name -> file: of the paper's quadrotor by the stage that they are for, a camera's belief or the board's true
-# state; of the Crazyflie, before a vertical board known by motion capture.
-SHIPPED = {"vision": "vision.onnx", "state": "state.onnx", "crazyflie": "airframes/crazyflie.onnx"}
+# state; of other airframes by their names: PX4's SIH quadrotor by a camera, the Crazyflie before a vertical board that
+# motion capture knows.
+SHIPPED = {
+    "vision": "vision.onnx",
+    "state": "state.onnx",
+    "sih_quad": "airframes/sih_quad.onnx",
+    "crazyflie": "airframes/crazyflie.onnx",
+}
 PLANNERS = ("planner", "planner-analytic")  # it predicts the board by a network; by equations
-FLYABLE = ("vision", *PLANNERS, "crazyflie")  # no rig knows of the board what `state` is told
+FLYABLE = ("vision", *PLANNERS, "sih_quad", "crazyflie")  # no rig knows of the board what `state` is told
 CHECKPOINTS = Path(__file__).parents[1] / "checkpoints"
 
 

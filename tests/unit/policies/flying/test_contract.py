@@ -56,8 +56,10 @@ def test_contract_mismatch_error_names_both_values():
 
 
 def test_airframe_without_a_policy_error_names_the_training_command():
-    with pytest.raises(ContractError, match="perch-hil policy train --stage vision --airframe crazyflie") as error:
+    with pytest.raises(ContractError) as error:
         check_contract(CONTRACT, airframe=CRAZYFLIE)
+    parent = "--parent policies/checkpoints/plain/vision.onnx"
+    assert f"policy train --recipe airframe --stage vision --airframe crazyflie {parent}" in one_line(error)
     assert "made for airframe paper_quad, this flight has crazyflie" in one_line(error)
 
 
