@@ -31,7 +31,7 @@ from vehicle.quadrotor.airframe import load_airframe
 
 @njit
 def fill_future(rows, i, first, step_ticks, out):
-    """True board rows of episode i, `step_ticks` control steps apart, into `out` ((K, 8)), from the `first` on."""
+    """True board rows of episode i, `step_ticks` control steps apart, into `out` ((K, 8)); row 0 in `first` steps."""
     begin, last = int(rows.state[i, episode_row.STEP]) + first, rows.track.shape[1] - 1
     wanted = min(begin + (out.shape[0] - 1) * step_ticks, last)
     rows.state[i, episode_row.FILLED] = extend_track(

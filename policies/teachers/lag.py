@@ -1,4 +1,4 @@
-"""The vehicle one lag ahead: what a command given now will find."""
+"""The vehicle a moment ahead: a command given now turns it only then."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from policies.teachers.params import AT
 from vehicle.quadrotor import airframe_row, command_row, state_row
 from vehicle.quadrotor.airframe import GRAVITY
 
-_MEAN = 0.4  # share of the turn at which the mean direction of the thrust is taken: the turn slows down or speeds up
+_MEAN = 0.4  # assumed: the share of the turn at which the thrust has its mean direction
 
 
 @njit

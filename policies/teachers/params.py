@@ -10,7 +10,7 @@ from policies.environment.config import TICK
 from policies.planner.row_index import row_index
 from vehicle.quadrotor.airframe import Airframe
 
-_PREDICTED, _AHEAD = 0.47, 0.515  # of the rate lag
+_PREDICTED, _AHEAD = 0.47, 0.515  # of the rate lag: found by search on sih_quad and paper_quad, as the defaults below
 _GAP = 0.012  # m between the disc and the surface at the end of a plan: a height error then makes contact early
 
 
